@@ -1,0 +1,144 @@
+# Chiaro: every command that a person needs. `make help` lists them.
+
+config ?= release
+CC ?= cc
+CXX ?= c++
+GLSLANG ?= glslangValidator
+PREFIX ?= /usr/local
+SCENE ?=
+-include Makefile.config
+
+VERSION := 0.1.0
+B := $(if $(filter release,$(config)),build,build/$(config))
+
+# ---- flags -----------------------------------------------------------------------------------------------------------
+WARNINGS := -Wall -Wextra -Wshadow -Wconversion -Werror
+C_WARNINGS := $(WARNINGS) -Wstrict-prototypes -Wmissing-prototypes
+FLAGS_release := -O2 -g -DNDEBUG
+FLAGS_debug := -O0 -g
+FLAGS_sanitize := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=undefined
+ifeq ($(FLAGS_$(config)),)
+$(error config=$(config): choose release, debug or sanitize)
+endif
+# No contraction: the same bits from every compiler.
+COMMON := $(FLAGS_$(config)) -fPIC -fvisibility=hidden -ffp-contract=off -MMD -MP -Iinclude -I$(B) -Iglsl
+CFLAGS_ALL := -std=c11 -D_GNU_SOURCE $(C_WARNINGS) $(COMMON) $(CFLAGS)
+CXXFLAGS_ALL := -std=c++17 $(WARNINGS) $(COMMON) $(CXXFLAGS)
+LDFLAGS_ALL := $(FLAGS_$(config)) $(LDFLAGS)
+
+EMBREE := $(shell test -e /usr/include/embree4/rtcore.h && echo embree4 || echo embree3)
+EXR_CFLAGS := $(shell pkg-config --cflags OpenEXR 2>/dev/null)
+RUNTIME_LIBS := -lm
+BAKE_LIBS := -l$(EMBREE) -lm -lpthread
+IO_LIBS := -ltinygltf -lOpenEXRCore -lstdc++ -lm
+VULKAN_LIBS := -lvulkan
+
+# ---- what is built ---------------------------------------------------------------------------------------------------
+objects = $(patsubst %,$(B)/obj/%.o,$(basename $(1)))
+
+CORE := $(call objects,$(wildcard src/core/*.c))
+VULKAN := $(call objects,$(wildcard src/vulkan/*.c))
+OFFLINE := $(call objects,$(wildcard src/offline/*.c))
+BAKE := $(call objects,$(wildcard src/bake/*.c))
+REFERENCE := $(call objects,$(wildcard src/reference/*.c))
+IO := $(call objects,$(wildcard src/io/*.c src/io/*.cpp))
+COMMON_SAMPLES := $(call objects,$(wildcard samples/common/*.c))
+PROGRAMS := $(patsubst samples/%.c,$(B)/bin/%,$(wildcard samples/chiaro-*.c))
+TESTS := $(patsubst tests/test_%.c,$(B)/tests/test_%,$(wildcard tests/test_*.c))
+TEST_COMMON := $(call objects,$(wildcard tests/common/*.c))
+SPIRV := $(patsubst glsl/%.glsl,$(B)/spirv/%.h,$(wildcard glsl/*.vert.glsl glsl/*.frag.glsl glsl/*.comp.glsl))
+
+LIBRARY := $(B)/libchiaro.a
+SHARED := $(B)/libchiaro.so.$(VERSION)
+BAKE_LIBRARY := $(B)/libchiaro_bake.a
+
+.PHONY: all help deps test bench demo report golden-update install clean shaders
+all: $(LIBRARY) $(SHARED) $(BAKE_LIBRARY) $(PROGRAMS)
+
+help: ## this list
+	@echo 'make            build the library and the programs (config=release|debug|sanitize)'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' $(MAKEFILE_LIST) | \
+	 while IFS='|' read -r target text; do printf '%-16s%s\n' "$$target" "$$text"; done
+
+# ---- packages --------------------------------------------------------------------------------------------------------
+PACKAGES := gcc g++ make pkg-config glslang-tools libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers \
+  libembree-dev libtbb-dev libtinygltf-dev nlohmann-json3-dev libstb-dev libopenexr-dev libglfw3-dev libcmocka-dev
+MISSING = $(shell for p in $(PACKAGES); do \
+  dpkg-query -W -f='$${db:Status-Status}' $$p 2>/dev/null | grep -qx installed || echo $$p; done)
+
+# Everything after it starts afresh: what a package brings (which Embree, say) is looked up when make reads this file.
+deps: ## install what is missing, through apt
+	@missing="$(MISSING)"; if [ -n "$$missing" ]; then echo "installing: $$missing"; \
+	  if [ "$$(id -u)" = 0 ]; then as_root=; else as_root=sudo; fi; \
+	  $$as_root apt-get update -qq && \
+	  $$as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $$missing; fi
+
+ifneq ($(filter deps,$(MAKECMDGOALS)),)
+AFTER_DEPS := $(filter-out deps,$(MAKECMDGOALS))
+.NOTPARALLEL:
+$(AFTER_DEPS): deps
+	@$(MAKE) --no-print-directory $@
+.PHONY: $(AFTER_DEPS)
+else
+
+# ---- rules -----------------------------------------------------------------------------------------------------------
+$(B)/obj/src/io/%.o $(B)/obj/samples/%.o $(B)/obj/tests/%.o: CFLAGS_ALL += $(EXR_CFLAGS)
+$(B)/obj/src/offline/%.o: CFLAGS_ALL += -DCHIARO_EMBREE=$(subst embree,,$(EMBREE))
+
+$(B)/obj/%.o: %.c
+	@mkdir -p $(@D)
+	$(CC) $(CFLAGS_ALL) -c $< -o $@
+
+$(B)/obj/%.o: %.cpp
+	@mkdir -p $(@D)
+	$(CXX) $(CXXFLAGS_ALL) -c $< -o $@
+
+$(B)/spirv/%.h: glsl/%.glsl
+	@mkdir -p $(@D)
+	@printf '%s: %s\n' $@ "$$(ls glsl/* | tr '\n' ' ')" > $@.d
+	$(GLSLANG) --quiet -V --target-env vulkan1.1 -Iglsl --vn chiaro_$(subst .,_,$*) -o $@ $<
+
+shaders: $(SPIRV) ## compile the shaders
+$(VULKAN): | $(SPIRV)
+
+$(LIBRARY): $(CORE) $(VULKAN)
+	rm -f $@ && ar rcs $@ $^
+
+$(SHARED): $(CORE) $(VULKAN)
+	$(CC) $(LDFLAGS_ALL) -shared -Wl,-soname,libchiaro.so.0 -Wl,--no-undefined -o $@ $^ $(RUNTIME_LIBS)
+	ln -sf $(@F) $(B)/libchiaro.so.0 && ln -sf $(@F) $(B)/libchiaro.so
+
+$(BAKE_LIBRARY): $(BAKE) $(OFFLINE)
+	rm -f $@ && ar rcs $@ $^
+
+$(B)/bin/%: $(B)/obj/samples/%.o $(COMMON_SAMPLES) $(REFERENCE) $(IO) $(BAKE_LIBRARY) $(LIBRARY)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS_ALL) -o $@ $^ $(BAKE_LIBS) $(IO_LIBS) $(VULKAN_LIBS)
+
+$(B)/tests/%: $(B)/obj/tests/%.o $(TEST_COMMON) $(COMMON_SAMPLES) $(REFERENCE) $(IO) $(BAKE_LIBRARY) $(LIBRARY)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS_ALL) -o $@ $^ -lcmocka $(BAKE_LIBS) $(IO_LIBS) $(VULKAN_LIBS)
+
+# ---- jobs ------------------------------------------------------------------------------------------------------------
+test: all $(TESTS) ## build and run every test
+	@tests/run.sh $(B)
+
+endif
+
+install: all ## install into PREFIX (default /usr/local; DESTDIR is honoured)
+	install -d $(DESTDIR)$(PREFIX)/include/chiaro $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/bin \
+	  $(DESTDIR)$(PREFIX)/share/chiaro/glsl
+	install -m 644 include/chiaro/*.h $(DESTDIR)$(PREFIX)/include/chiaro/
+	install -m 644 glsl/chiaro.glsl glsl/chiaro_shared.h $(DESTDIR)$(PREFIX)/share/chiaro/glsl/
+	install -m 644 $(LIBRARY) $(BAKE_LIBRARY) $(DESTDIR)$(PREFIX)/lib/
+	install -m 755 $(SHARED) $(DESTDIR)$(PREFIX)/lib/
+	ln -sf $(notdir $(SHARED)) $(DESTDIR)$(PREFIX)/lib/libchiaro.so.0
+	ln -sf $(notdir $(SHARED)) $(DESTDIR)$(PREFIX)/lib/libchiaro.so
+	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin/
+	printf 'prefix=%s\nName: chiaro\nDescription: diffuse global illumination for any C engine\nVersion: %s\nCflags: -I$${prefix}/include\nLibs: -L$${prefix}/lib -lchiaro -lm\n' \
+	  '$(PREFIX)' '$(VERSION)' > $(DESTDIR)$(PREFIX)/lib/pkgconfig/chiaro.pc
+
+clean: ## remove everything that was built
+	rm -rf build
+
+-include $(shell find $(B)/obj $(B)/spirv -name '*.d' 2>/dev/null)

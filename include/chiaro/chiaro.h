@@ -1,0 +1,368 @@
+/* Chiaro: diffuse global illumination that any C engine can drop in.
+ *
+ * This header is the core: plain data that a host describes (scene, lights, sky), the baked transport, and the
+ * arithmetic that turns direct light into bounce light. It knows no Vulkan, no ray tracer and no files.
+ *
+ * Chiaro does NOT: create a device, submit, present, wait, print, exit, read files, start threads, keep global state.
+ *
+ * Conventions (glTF's): right-handed, +Y up, metres, counter-clockwise fronts, column-major matrices. Light intensity is
+ * W/sr (point, spot) or W/m^2 (sun) per channel; emission and sky are radiance, W/(sr m^2). "Radiosity" is exitance,
+ * W/m^2: pi times the radiance of a diffuse surface. Surfaces have one side; a two-sided surface is two parts that name
+ * each other as twins. What is seen from behind and has no twin is black and opaque.
+ *
+ * Threads: there is no shared mutable state. Functions that take const data may run concurrently.
+ */
+#ifndef CHIARO_CHIARO_H
+#define CHIARO_CHIARO_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#if defined(_WIN32)
+#define CHIARO_API __declspec(dllexport)
+#else
+#define CHIARO_API __attribute__((visibility("default")))
+#endif
+
+/** Compile-time version; chiaro_version() tells the run-time one: major * 10000 + minor * 100 + revision. */
+#define CHIARO_VERSION_MAJOR 0
+#define CHIARO_VERSION_MINOR 1
+#define CHIARO_VERSION_REVISION 0
+#define CHIARO_VERSION (CHIARO_VERSION_MAJOR * 10000 + CHIARO_VERSION_MINOR * 100 + CHIARO_VERSION_REVISION)
+
+#define CHIARO_NAME_SIZE 32u /**< Bytes of a name, terminator included. */
+#define CHIARO_NONE UINT32_MAX /**< "No such index". */
+#define CHIARO_MAX_ALBEDO 0.99f /**< Albedo is clamped to this: closed scenes with albedo 1 have no finite light. */
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Results, log, allocator, jobs
+ */
+
+typedef enum ChiaroResult {
+    CHIARO_OK = 0,
+    CHIARO_ERROR_ARGUMENT,    /**< A parameter is out of its documented range. */
+    CHIARO_ERROR_MEMORY,      /**< An allocation failed, on the CPU or on the device. */
+    CHIARO_ERROR_SCENE,       /**< The scene is empty or inconsistent; the log says where. */
+    CHIARO_ERROR_DATA,        /**< A baked file is damaged or not one. */
+    CHIARO_ERROR_VERSION,     /**< A baked file, or a header, of another version. */
+    CHIARO_ERROR_INTERRUPTED, /**< The progress callback asked to stop. */
+    CHIARO_ERROR_DEVICE,      /**< Vulkan refused; the log carries the VkResult. */
+    CHIARO_ERROR_UNSUPPORTED  /**< The device lacks something that is needed; the log names it. */
+} ChiaroResult;
+
+/** Every message of the library: identifier and the text that goes before the details. Tests rely on the ids. */
+#define CHIARO_LOG_ITEMS(X)                                                                                            \
+    X(SCENE_INVALID, "the scene cannot be used")                                                                       \
+    X(ALBEDO_CLAMPED, "albedo clamped to 0.99")                                                                        \
+    X(DEGENERATE_TRIANGLES, "triangles without area are ignored")                                                      \
+    X(DATA_INVALID, "the baked data cannot be used")                                                                   \
+    X(VERSION_MISMATCH, "made for another version")                                                                    \
+    X(OUT_OF_MEMORY, "out of memory")                                                                                  \
+    X(BAKE_LIMIT, "a limit of the baker was reached")                                                                  \
+    X(BAKE_SUMMARY, "bake")                                                                                            \
+    X(VULKAN_FAILED, "a Vulkan call failed")                                                                           \
+    X(VULKAN_UNSUPPORTED, "the device lacks a feature")                                                                \
+    X(LEFT_OUT, "left out")                                                                                            \
+    X(ARGUMENT_INVALID, "an argument is out of range")
+
+typedef enum ChiaroLogItem {
+#define X(id, text) CHIARO_LOG_##id,
+    CHIARO_LOG_ITEMS(X)
+#undef X
+    CHIARO_LOG_ITEM_COUNT
+} ChiaroLogItem;
+
+typedef enum ChiaroLogLevel { CHIARO_LOG_ERROR, CHIARO_LOG_WARNING, CHIARO_LOG_INFO } ChiaroLogLevel;
+
+/** Where messages go. `func` NULL: nowhere. `message` is one line, valid during the call only. */
+typedef struct ChiaroLog {
+    void (*func)(ChiaroLogLevel level, ChiaroLogItem item, const char *message, void *user);
+    void *user;
+} ChiaroLog;
+
+/** Memory for the library. Both functions or neither (then malloc and free). `size` is never zero, `free` may get NULL.
+ * Memory must be aligned for any type. Copied at creation; called from the thread that calls the library. */
+typedef struct ChiaroAllocator {
+    void *(*alloc)(size_t size, void *user);
+    void (*free)(void *memory, void *user);
+    void *user;
+} ChiaroAllocator;
+
+/** Returns CHIARO_VERSION of the library that is running. @thread_safety any thread. */
+CHIARO_API uint32_t chiaro_version(void);
+
+/** Returns the fixed text of a result, never NULL. @thread_safety any thread. */
+CHIARO_API const char *chiaro_result_text(ChiaroResult result);
+
+/** Returns the fixed text of a log item, never NULL. @thread_safety any thread. */
+CHIARO_API const char *chiaro_log_item_text(ChiaroLogItem item);
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * The scene: plain arrays, owned by the host
+ */
+
+typedef struct ChiaroVertex {
+    float position[3];
+    float normal[3];      /**< Unit shading normal. */
+    float uv[2];          /**< For the albedo texture, texture transform applied. */
+    float emission_uv[2]; /**< For the emission texture. */
+    float color[4];       /**< Linear, multiplies albedo and alpha. */
+} ChiaroVertex;
+
+typedef enum ChiaroWrap { CHIARO_WRAP_REPEAT, CHIARO_WRAP_CLAMP, CHIARO_WRAP_MIRROR } ChiaroWrap;
+
+/** An 8-bit RGBA image, colour sRGB-encoded, alpha linear, row 0 at v = 0. */
+typedef struct ChiaroTexture {
+    uint32_t width, height;
+    uint32_t wrap_u, wrap_v; /**< ChiaroWrap. */
+    uint32_t nearest;        /**< 1: nearest filter; 0: bilinear. */
+    uint32_t reserved;
+    uint64_t first_byte; /**< Into ChiaroScene::pixels; width * height * 4 bytes. */
+} ChiaroTexture;
+
+typedef struct ChiaroMaterial {
+    float albedo[3]; /**< Linear, times vertex colour, times texture. */
+    float alpha;
+    float emission[3]; /**< Radiance, times texture. */
+    float alpha_cutoff; /**< 0: opaque. Otherwise alpha below it is a hole. */
+    uint32_t albedo_texture, emission_texture; /**< CHIARO_NONE: no texture. */
+    uint32_t reserved[2];
+} ChiaroMaterial;
+
+/** A run of triangles of one material. */
+typedef struct ChiaroPart {
+    uint32_t first_index, index_count;
+    uint32_t material;
+    uint32_t twin; /**< The part that is this one's other side, triangle by triangle; CHIARO_NONE: none. */
+} ChiaroPart;
+
+typedef enum ChiaroLightType { CHIARO_LIGHT_POINT, CHIARO_LIGHT_SPOT, CHIARO_LIGHT_SUN } ChiaroLightType;
+
+typedef struct ChiaroLight {
+    uint32_t type;      /**< ChiaroLightType. */
+    float position[3];  /**< Point and spot. */
+    float direction[3]; /**< Spot and sun: the way that light travels, unit. */
+    float intensity[3]; /**< W/sr (point, spot), W/m^2 on a surface that faces it (sun). */
+    float range;        /**< 0: without end. Otherwise KHR_lights_punctual's window: clamp(1-(d/range)^4, 0, 1). */
+    float cos_inner, cos_outer; /**< Spot. */
+    uint32_t reserved;
+} ChiaroLight;
+
+typedef struct ChiaroCamera {
+    float eye[3], forward[3], up[3]; /**< forward and up unit and orthogonal. */
+    float yfov;                      /**< Vertical opening, radians. */
+    float znear, zfar;               /**< zfar 0: infinite. */
+    char name[CHIARO_NAME_SIZE];
+} ChiaroCamera;
+
+/** Everything static. Indices come in threes. Arrays may be NULL where their count is 0. */
+typedef struct ChiaroScene {
+    const ChiaroVertex *vertices;
+    const uint32_t *indices;
+    const ChiaroPart *parts;
+    const ChiaroMaterial *materials;
+    const ChiaroTexture *textures;
+    const uint8_t *pixels;
+    const ChiaroLight *lights;
+    const ChiaroCamera *cameras;
+    uint64_t pixel_bytes;
+    uint32_t vertex_count, index_count, part_count, material_count, texture_count, light_count, camera_count;
+    uint32_t reserved;
+} ChiaroScene;
+
+/** An equirectangular image of radiance, RGB floats: row 0 is +Y, column u = 0.5 + atan2(z, x) / (2 pi).
+ * A uniform sky is 1 x 1. No sky: NULL wherever a sky is asked for. */
+typedef struct ChiaroSky {
+    uint32_t width, height;
+    const float *radiance; /**< width * height * 3, finite and not negative. */
+} ChiaroSky;
+
+/** Checks every index, range and number of a scene.
+ * @param scene the scene; counts and arrays are read.
+ * @param log gets one message that names the first fault; may be NULL.
+ * @return CHIARO_OK, or CHIARO_ERROR_SCENE.
+ * @thread_safety any thread. */
+CHIARO_API ChiaroResult chiaro_scene_check(const ChiaroScene *scene, const ChiaroLog *log);
+
+/** Checks a light: finite numbers, intensity not negative, directions of unit length.
+ * @errors CHIARO_ERROR_ARGUMENT. @thread_safety any thread. */
+CHIARO_API ChiaroResult chiaro_light_check(const ChiaroLight *light);
+
+/** Checks a sky: sizes 1 .. 32768, radiance finite and not negative.
+ * @errors CHIARO_ERROR_ARGUMENT. @thread_safety any thread. */
+CHIARO_API ChiaroResult chiaro_sky_check(const ChiaroSky *sky);
+
+/** Radiance of a sky toward a direction (need not be unit), bilinear.
+ * @param rgb receives three floats. @thread_safety any thread. */
+CHIARO_API void chiaro_sky_radiance(const ChiaroSky *sky, const float direction[3], float rgb[3]);
+
+/** One texel fetch as every part of Chiaro filters textures: bilinear in linear light, without mip maps.
+ * @param rgba receives four linear floats. @thread_safety any thread. */
+CHIARO_API void chiaro_texture_sample(const ChiaroScene *scene, uint32_t texture, const float uv[2], float rgba[4]);
+
+/** Albedo (clamped to CHIARO_MAX_ALBEDO), emission and alpha of a point of a triangle.
+ * @param triangle index of the triangle (index / 3). @param part the part it belongs to.
+ * @param u, v barycentric weights of its second and third corner. @param albedo, emission receive three floats each.
+ * @return alpha. @thread_safety any thread. */
+CHIARO_API float chiaro_surface(const ChiaroScene *scene, uint32_t part, uint32_t triangle, float u, float v,
+                                float albedo[3], float emission[3]);
+
+/** Irradiance per unit cosine that a light sends to a point, without any shadow: intensity times distance law, spot cone
+ * and range window. @param toward receives the unit direction to the light. @param distance receives the distance (sun:
+ * INFINITY). @param rgb receives intensity * attenuation (not yet times the cosine). @thread_safety any thread. */
+CHIARO_API void chiaro_light_at(const ChiaroLight *light, const float point[3], float toward[3], float *distance,
+                                float rgb[3]);
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * The baked transport. All arrays point into one block of memory (a baked file, mapped); the same bytes go to the GPU.
+ *
+ * Leaves are the samples followed by the sky's texels; nodes [0, leaf_count) are the leaves themselves, the others are
+ * means over a run of leaves. Value of a leaf: its radiosity (sky: pi times the mean radiance of the texel).
+ */
+
+/** Surface sample: the ten floats of the article (Pre-determined surface samples) and what a tree needs beside them. */
+typedef struct ChiaroSample {
+    float position[3]; /**< Moved back into the surface by `cull`. */
+    float cull;        /**< How far; lights behind position + cull * normal do not light the sample. */
+    float normal[3];
+    float area;
+    float albedo[3];
+    uint32_t first_point; /**< Its points: where direct light is evaluated. */
+    float emission[3];    /**< Radiosity: pi times radiance. */
+    uint32_t point_count;
+    float transmission[3]; /**< Share of light from behind that leaves in front (article: caustics, subsurface). */
+    uint32_t reserved;
+} ChiaroSample;
+
+/** A place where a sample is lit, with the pull-back of its own share of the area. */
+typedef struct ChiaroPoint {
+    float position[3]; /**< Moved back. */
+    float cull;
+    float normal[3];
+    float weight; /**< Share of the sample's area; a sample's weights add up to 1. */
+} ChiaroPoint;
+
+/** A node is the area-weighted mean of the leaves [first, first + count). It is computed from the nodes
+ * [source_first, source_first + source_count), which cover the same leaves: for small nodes the leaves themselves. */
+typedef struct ChiaroNode {
+    uint32_t first, count;
+    uint32_t source_first, source_count;
+    uint32_t left, right; /**< Children; the node itself for a leaf. */
+    uint32_t reserved[2];
+    float center[3];
+    float radius; /**< Of a sphere about the centre that holds all leaves. Sky nodes: 0, and `center` is the direction. */
+    float normal[3]; /**< Mean normal, not normalised: its length tells how flat the node is. */
+    float area;      /**< Sum of leaf weights: m^2, sky: sr. */
+} ChiaroNode;
+
+/** Two words: node (18 bits) and red (14 bits, high) | green (16) and blue (16); signed fixed point, times the row's
+ * scale. */
+typedef struct ChiaroLinkRgb {
+    uint32_t node_red;
+    uint32_t green_blue;
+} ChiaroLinkRgb;
+
+/** A place where bounce light is wanted. Vertices refer to receivers. */
+typedef struct ChiaroReceiver {
+    float position[3];
+    float sky; /**< Cosine-weighted share of the hemisphere that is open to the sky. */
+    float normal[3];
+    float cavity_distance; /**< Mean free distance in front of it, m. */
+    float cavity[3];       /**< Cavity colour: visibility plus what blockers give back, faded with distance. */
+    float reserved0;
+    float bent[3]; /**< Bent normal: cosine-weighted mean of the open directions, unit. */
+    float reserved1;
+} ChiaroReceiver;
+
+/** What a bake was made with, and what it cost. */
+typedef struct ChiaroTransportInfo {
+    uint32_t sample_links, receiver_links; /**< K of the two kinds of rows. */
+    uint32_t rays;                         /**< Per receiver. */
+    uint32_t seed;
+    uint32_t training_lights;
+    uint32_t clamped_materials;     /**< Materials with albedo above CHIARO_MAX_ALBEDO. */
+    uint32_t degenerate_triangles;  /**< Ignored. */
+    uint32_t sky_seen;              /**< 1: some of the scene is open to the sky. */
+    uint32_t emitters;              /**< Samples that emit. */
+    uint32_t reserved;
+    float bounds_min[3], bounds_max[3];
+    float patch_size;    /**< Edge of a square of a sample's mean area, m. */
+    float fit_error;     /**< relRMSE of the links on training lights. */
+    float direct_share;  /**< Mean of (1 - sky) over receivers. */
+    float reserved1;
+} ChiaroTransportInfo;
+
+typedef struct ChiaroTransport {
+    ChiaroTransportInfo info;
+    ChiaroScene scene; /**< The scene as it was given, for shadow maps, materials, lights and cameras. */
+    const ChiaroSample *samples;
+    const ChiaroPoint *points;
+    const float *leaf_weights; /**< Area, or solid angle, of each leaf. */
+    const float *sky_directions; /**< Four floats a sky leaf: unit direction, and solid angle. */
+    const ChiaroNode *nodes;
+    const ChiaroLinkRgb *sample_links; /**< Layout: CHIARO_LINK_INDEX of chiaro_shared.h. */
+    const float *sample_scales;        /**< Four floats a sample: scale of red, green, blue; unused. */
+    const ChiaroReceiver *receivers;
+    const uint32_t *receiver_links; /**< Node in the low 18 bits, signed weight in the high 14. Same layout. */
+    const float *receiver_scales;
+    const ChiaroVertex *vertices; /**< The subdivided mesh that is drawn. */
+    const uint32_t *vertex_receivers;
+    const uint32_t *indices;
+    const ChiaroPart *parts; /**< Runs of `indices`; as many and in the order of scene.parts. */
+    uint32_t sample_count, point_count, sky_count, leaf_count, node_count, receiver_count, vertex_count, index_count;
+    uint32_t small_node_end; /**< Nodes [leaf_count, small_node_end) cover at most CHIARO_SMALL_NODE leaves. */
+    uint32_t part_count;
+} ChiaroTransport;
+
+/** Reads a baked block in place: checks magic, version, checksum, and every offset, index and range.
+ * @param data the bytes, aligned to 16, which must outlive `transport`. @param size their number.
+ * @param transport receives views into `data`. @param log gets the reason of a refusal; may be NULL.
+ * @errors CHIARO_ERROR_DATA, CHIARO_ERROR_VERSION.
+ * @thread_safety any thread. */
+CHIARO_API ChiaroResult chiaro_transport_open(const void *data, size_t size, ChiaroTransport *transport,
+                                              const ChiaroLog *log);
+
+/** True where a straight line is free: the host's shadow test. `index` numbers the point that asks.
+ * A `light` is the one passed in; `point` lies on the surface, `normal` is its unit normal. */
+typedef bool (*ChiaroVisibleFunc)(const ChiaroLight *light, const float point[3], const float normal[3], void *user);
+
+/** Direct light on every sample: emission + albedo * irradiance (article: Pre-determined surface samples).
+ * The CPU twin of samples.comp.glsl.
+ * @param lights, light_count punctual lights. @param visible shadow test, NULL: nothing is in the way.
+ * @param radiosity receives 3 * sample_count floats. @thread_safety any thread. */
+CHIARO_API void chiaro_samples_light(const ChiaroTransport *transport, const ChiaroLight *lights, uint32_t light_count,
+                                     ChiaroVisibleFunc visible, void *user, float *radiosity);
+
+/** Mean sky radiance of every sky leaf times pi. @param sky NULL: black.
+ * @param radiosity receives 3 * sky_count floats. @thread_safety any thread. */
+CHIARO_API void chiaro_sky_light(const ChiaroTransport *transport, const ChiaroSky *sky, float *radiosity);
+
+/** Fills the inner nodes: each the weighted mean of its leaves (the hierarchical BRDF's diffuse form).
+ * @param values 3 * node_count floats; the first 3 * leaf_count are read, the rest written. @thread_safety any thread. */
+CHIARO_API void chiaro_tree_sum(const ChiaroTransport *transport, float *values);
+
+/** All bounces at the samples, from direct light at the nodes: irradiance by full-transport links.
+ * @param values 3 * node_count floats. @param irradiance receives 3 * sample_count floats. @thread_safety any thread. */
+CHIARO_API void chiaro_gather_samples(const ChiaroTransport *transport, const float *values, float *irradiance);
+
+/** Indirect irradiance at the receivers, from total radiosity at the nodes: final-gather links.
+ * @param values 3 * node_count floats. @param irradiance receives 3 * receiver_count floats. @thread_safety any thread. */
+CHIARO_API void chiaro_gather_receivers(const ChiaroTransport *transport, const float *values, float *irradiance);
+
+/** The whole update on the CPU: direct light, sky, tree, sample gather, tree, receiver gather.
+ * @param scratch 3 * (node_count + sample_count) floats. @param irradiance receives 3 * receiver_count floats.
+ * @thread_safety any thread. */
+CHIARO_API void chiaro_transport_update(const ChiaroTransport *transport, const ChiaroLight *lights,
+                                        uint32_t light_count, const ChiaroSky *sky, ChiaroVisibleFunc visible,
+                                        void *user, float *scratch, float *irradiance);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

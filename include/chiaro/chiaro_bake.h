@@ -1,0 +1,59 @@
+/* Chiaro: the baker. A scene goes in, one block of bytes comes out that chiaro_transport_open() reads in place.
+ *
+ * The baker is a library of its own (libchiaro_bake): it needs Embree and threads, the run-time library does not.
+ */
+#ifndef CHIARO_CHIARO_BAKE_H
+#define CHIARO_CHIARO_BAKE_H
+
+#include "chiaro.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/** Limits of ChiaroBakeDesc. */
+#define CHIARO_MAX_LINKS 256u
+#define CHIARO_MIN_SAMPLES 64u
+#define CHIARO_MAX_SAMPLES 65536u
+#define CHIARO_MAX_RAYS 65536u
+
+/** Told how far a bake is. `stage` names the work, `done` runs from 0 to 1 over the whole bake.
+ * Called from the thread that called chiaro_bake(). @return false to stop. */
+typedef bool (*ChiaroProgressFunc)(const char *stage, float done, void *user);
+
+/** Zero means default. */
+typedef struct ChiaroBakeDesc {
+    uint32_t struct_size; /**< sizeof(ChiaroBakeDesc). */
+    uint32_t links;       /**< K, links a row, 1 .. CHIARO_MAX_LINKS. Default 32. */
+    uint32_t samples;     /**< M, surface samples, CHIARO_MIN_SAMPLES .. CHIARO_MAX_SAMPLES. Default: from the scene. */
+    uint32_t rays;        /**< Rays a receiver, 16 .. CHIARO_MAX_RAYS. Default: from the scene. */
+    uint32_t receivers;   /**< About how many receivers; default: from the scene. */
+    uint32_t threads;     /**< Default: one a core. The result does not depend on it. */
+    uint32_t seed;        /**< Of every random choice. */
+    uint32_t reserved;
+    ChiaroProgressFunc progress;
+    void *progress_user;
+    ChiaroLog log;
+} ChiaroBakeDesc;
+
+/** A block of bytes that the library allocated; release with chiaro_blob_free(). */
+typedef struct ChiaroBlob {
+    void *data;
+    size_t size;
+} ChiaroBlob;
+
+/** Bakes a scene. Same scene, same description: same bytes, whatever the number of threads.
+ * @param scene static geometry, materials, lights (copied into the block), cameras.
+ * @param desc settings; NULL: all defaults. @param blob receives the block; untouched on failure.
+ * @errors CHIARO_ERROR_ARGUMENT, _SCENE, _MEMORY, _INTERRUPTED.
+ * @thread_safety any thread; several bakes may run at once. @lifetime the block is independent of the scene. */
+CHIARO_API ChiaroResult chiaro_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc, ChiaroBlob *blob);
+
+/** Releases a block. An empty one is allowed. @thread_safety any thread. */
+CHIARO_API void chiaro_blob_free(ChiaroBlob *blob);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

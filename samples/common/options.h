@@ -1,0 +1,51 @@
+/* The options that every program shares: scene, camera, lights, sky. */
+#ifndef CHIARO_OPTIONS_H
+#define CHIARO_OPTIONS_H
+
+#include "chiaro/chiaro.h"
+
+/* Exit statuses of every program. */
+enum { CHIARO_EXIT_OK = 0, CHIARO_EXIT_INPUT = 1, CHIARO_EXIT_USAGE = 2, CHIARO_EXIT_DEVICE = 3 };
+
+/* What the shared options said, before any file is opened. */
+typedef struct SceneOptions {
+    const char *program, *usage; /* for messages and --help */
+    const char *input;           /* the positional argument */
+    const char *output;          /* -o */
+    const char *sky;             /* FILE.exr or r,g,b; NULL: none */
+    const char *camera;          /* name or number; NULL: the first */
+    bool has_view;               /* --eye, --target, --fov */
+    float eye[3], target[3], fov;
+    uint32_t width, height;
+    uint32_t light_count; /* --light and --sun, added to the file's lights */
+    ChiaroLight lights[64];
+    bool no_scene_lights; /* --no-scene-lights: only those of the command line */
+    bool json, quiet;
+    int threads, seed; /* 0: default */
+} SceneOptions;
+
+/* Looks at argv[*index]. Returns true if it was a shared option (then *index is at its last word); prints one line to
+ * stderr and exits with CHIARO_EXIT_USAGE if its value is wrong; prints usage and exits 0 for --help. */
+bool options_take(SceneOptions *options, int argc, char **argv, int *index);
+
+/* For a program's own options: the next word as a number in a range, or an exit with CHIARO_EXIT_USAGE. */
+uint32_t options_uint(const SceneOptions *options, int argc, char **argv, int *index, uint32_t low, uint32_t high);
+float options_float(const SceneOptions *options, int argc, char **argv, int *index, float low, float high);
+const char *options_text(const SceneOptions *options, int argc, char **argv, int *index);
+
+/* One line "program: message" to stderr, then exit. */
+_Noreturn void options_fail(const SceneOptions *options, int status, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* The camera of a scene that the options choose: --eye/--target/--fov, else --camera, else the scene's first, else one
+ * that looks at the whole of `bounds`. False (message printed) if a named camera does not exist. */
+bool options_camera(const SceneOptions *options, const ChiaroScene *scene, ChiaroCamera *camera);
+
+/* All lights: the scene's (unless --no-scene-lights) and the options'. The caller frees the array. */
+ChiaroLight *options_lights(const SceneOptions *options, const ChiaroScene *scene, uint32_t *count);
+
+/* The sky of the options: false (message printed) if its file cannot be used; sky->radiance is NULL if there is none.
+ * The caller frees sky->radiance. */
+bool options_sky(const SceneOptions *options, ChiaroSky *sky);
+
+#endif
