@@ -1,0 +1,332 @@
+/* One path: at each vertex it asks the lamps, aims at an emitter and at the sky, and goes on in a cosine-distributed
+ * direction; what both an aimed and a free ray can find is shared between them by multiple importance sampling (Veach
+ * and Guibas 1995). One more ray starts at a lamp and is joined to the path's first vertex, which tames the bright spot
+ * around a lamp that hangs close to a wall: the free ray alone seldom finds it, and then it glares. */
+#include "path.h"
+
+/* Up to here every lamp is asked at every vertex; of more, one that is likely to matter. */
+#define MAX_ASKED_LAMPS 8u
+/* Paths that carry less than this end by chance (Russian roulette). */
+#define ROULETTE_BELOW 0.25f
+
+/* Pairs of random numbers that a path uses: two for the lamp's ray, then four a vertex. */
+enum { PAIR_LAMP_DIRECTION, PAIR_LAMP_CHOICE, PAIR_VERTICES };
+enum { PAIR_DIRECTION, PAIR_EMITTER, PAIR_SKY, PAIR_CHOICES, PAIRS_PER_VERTEX };
+
+static uint32_t pair_at(uint32_t vertex, uint32_t purpose)
+{
+    return PAIR_VERTICES + vertex * PAIRS_PER_VERTEX + purpose;
+}
+
+static float squared(float x) { return x * x; }
+
+/* Share of a technique of density `a` beside one of density `b`: the power heuristic, safe for infinite densities. */
+static float mis_weight(float a, float b)
+{
+    return a > b ? 1 / (1 + squared(b / a)) : a > 0 ? squared(a / b) / (1 + squared(a / b)) : 0;
+}
+
+Place path_place(const World *world, uint32_t part, uint32_t triangle, float u, float v, Vec3 geometric)
+{
+    const ChiaroScene *scene = world->scene;
+    const uint32_t *index = scene->indices + (size_t)triangle * 3;
+    const ChiaroVertex *a = &scene->vertices[index[0]], *b = &scene->vertices[index[1]];
+    const ChiaroVertex *c = &scene->vertices[index[2]];
+    float w = 1 - u - v, albedo[3], emission[3];
+    Vec3 position = vec3_scale(vec3_load(a->position), w), shading = vec3_scale(vec3_load(a->normal), w);
+    position = vec3_mad(vec3_mad(position, vec3_load(b->position), u), vec3_load(c->position), v);
+    shading = vec3_normalize(vec3_mad(vec3_mad(shading, vec3_load(b->normal), u), vec3_load(c->normal), v));
+    if (!(vec3_dot(shading, shading) > 0))
+        shading = geometric;
+    chiaro_surface(scene, part, triangle, u, v, albedo, emission);
+    return (Place){position, vec3_mad(position, geometric, chiaro_rays_epsilon(world->rays)), geometric, shading,
+                   vec3_load(albedo), vec3_load(emission), triangle};
+}
+
+/* What a direction counts: its cosine, and that of the direction which is mirrored up to it (see reference.h).
+ * Over pi it is the density of free_direction(). */
+static float kernel(const Place *place, Vec3 direction)
+{
+    float height = vec3_dot(direction, place->geometric);
+    if (height <= 0)
+        return 0;
+    Vec3 mirrored = vec3_mad(direction, place->geometric, -2 * height);
+    return fmaxf(0, vec3_dot(direction, place->shading)) + fmaxf(0, vec3_dot(mirrored, place->shading));
+}
+
+static Vec3 free_direction(const Place *place, Pair pair)
+{
+    Vec3 direction = vec3_cosine_direction(place->shading, pair.u, pair.v);
+    float height = vec3_dot(direction, place->geometric);
+    return height < 0 ? vec3_mad(direction, place->geometric, -2 * height) : direction;
+}
+
+/* True if two points off their surfaces see each other. */
+static bool joined(const World *world, Vec3 from, Vec3 to, uint64_t *rays)
+{
+    Vec3 line = vec3_sub(to, from);
+    float distance = vec3_length(line);
+    (*rays)++;
+    return !chiaro_rays_blocked(world->rays, from, vec3_scale(line, 1 / distance), 0, distance);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Lamps
+ */
+
+/* Solid angle that a lamp shines into. */
+static float lamp_angle(const ChiaroLight *lamp)
+{
+    if (lamp->type == CHIARO_LIGHT_SUN)
+        return 0;
+    return 2 * CHIARO_PI * (lamp->type == CHIARO_LIGHT_SPOT ? 1 - lamp->cos_outer : 2);
+}
+
+void path_share_lamps(const ChiaroLight *lights, uint32_t count, float *shares)
+{
+    double sum = 0;
+    for (uint32_t i = 0; i < count; i++)
+        sum += lamp_angle(&lights[i]) * vec3_luminance(vec3_load(lights[i].intensity));
+    for (uint32_t i = 0; i < count; i++) {
+        double power = lamp_angle(&lights[i]) * vec3_luminance(vec3_load(lights[i].intensity));
+        shares[i] = sum > 0 ? (float)(power / sum) : 0;
+    }
+}
+
+/* Irradiance / pi of a lamp that nothing hides. */
+static Vec3 lamp_light(const ChiaroLight *lamp, const Place *place, Vec3 *toward, float *distance)
+{
+    float point[3], direction[3], rgb[3];
+    vec3_store(point, place->position);
+    chiaro_light_at(lamp, point, direction, distance, rgb);
+    *toward = vec3_load(direction);
+    if (vec3_dot(*toward, place->geometric) <= 0)
+        return vec3(0, 0, 0);
+    return vec3_scale(vec3_load(rgb), fmaxf(0, vec3_dot(*toward, place->shading)) / CHIARO_PI);
+}
+
+/* Density per m^2 of a lamp's rays around a place. */
+static float lamp_density(const World *world, uint32_t lamp, const Place *place, Vec3 toward, float distance)
+{
+    float share = world->lamp_shares[lamp];
+    if (!(share > 0))
+        return 0;
+    return share / lamp_angle(&world->lights[lamp]) * fmaxf(0, vec3_dot(toward, place->geometric)) / squared(distance);
+}
+
+/* Irradiance / pi of one lamp that nothing hides. `density`: per m^2, of the free ray that came here and shares its
+ * find with the lamp's ray; INFINITY: there is no lamp's ray. */
+static Vec3 shared_light(const World *world, uint32_t lamp, const Place *place, float density)
+{
+    Vec3 toward;
+    float distance;
+    Vec3 light = lamp_light(&world->lights[lamp], place, &toward, &distance);
+    if (density < INFINITY && vec3_max(light) > 0)
+        light = vec3_scale(light, mis_weight(density, lamp_density(world, lamp, place, toward, distance)));
+    return light;
+}
+
+static Vec3 lamp_if_visible(const World *world, uint32_t lamp, const Place *place, Vec3 light, uint64_t *rays)
+{
+    if (!(vec3_max(light) > 0))
+        return vec3(0, 0, 0);
+    (*rays)++;
+    bool visible = chiaro_rays_light_visible(world->rays, &world->lights[lamp], place->position, place->geometric);
+    return visible ? light : vec3(0, 0, 0);
+}
+
+/* Of many lamps one, as often as it would light the place if nothing hid it. */
+static Vec3 choose_lamp(const World *world, const Place *place, float density, float choice, uint64_t *rays)
+{
+    double sum = 0, wanted;
+    for (uint32_t i = 0; i < world->light_count; i++)
+        sum += vec3_luminance(shared_light(world, i, place, density));
+    wanted = choice * sum;
+    for (uint32_t i = 0; i < world->light_count; i++) {
+        Vec3 light = shared_light(world, i, place, density);
+        double share = vec3_luminance(light);
+        wanted -= share;
+        if (wanted < 0)
+            return lamp_if_visible(world, i, place, vec3_scale(light, (float)(sum / share)), rays);
+    }
+    return vec3(0, 0, 0);
+}
+
+static Vec3 from_lamps(const World *world, const Place *place, float density, float choice, uint64_t *rays)
+{
+    if (world->light_count > MAX_ASKED_LAMPS)
+        return choose_lamp(world, place, density, choice, rays);
+    Vec3 sum = vec3(0, 0, 0);
+    for (uint32_t i = 0; i < world->light_count; i++)
+        sum = vec3_add(sum, lamp_if_visible(world, i, place, shared_light(world, i, place, density), rays));
+    return sum;
+}
+
+Vec3 path_punctual(const World *world, const Place *place, uint64_t *rays)
+{
+    Vec3 sum = vec3(0, 0, 0);
+    for (uint32_t i = 0; i < world->light_count; i++)
+        sum = vec3_add(sum, lamp_if_visible(world, i, place, shared_light(world, i, place, INFINITY), rays));
+    return sum;
+}
+
+/* Density per m^2 around `to` of the free ray from `from`. */
+static float free_density(const Place *from, const Place *to)
+{
+    Vec3 line = vec3_sub(to->position, from->position);
+    float square = vec3_dot(line, line);
+    Vec3 direction = vec3_normalize(line);
+    return kernel(from, direction) / CHIARO_PI * fmaxf(0, -vec3_dot(direction, to->geometric)) / square;
+}
+
+/* A lamp's ray finds a place that it lights; what that place sends to the path's first vertex. */
+static Vec3 from_lamp_ray(const World *world, const Place *first, Sampler *sampler, uint64_t *rays)
+{
+    float choice = sampler_pair(sampler, PAIR_LAMP_CHOICE).u;
+    uint32_t number = 0;
+    while (number + 1 < world->light_count && choice >= world->lamp_shares[number])
+        choice -= world->lamp_shares[number++];
+    const ChiaroLight *lamp = &world->lights[number];
+    if (!(world->lamp_shares[number] > 0))
+        return vec3(0, 0, 0);
+
+    Pair pair = sampler_pair(sampler, PAIR_LAMP_DIRECTION);
+    Vec3 axis = lamp->type == CHIARO_LIGHT_SPOT ? vec3_normalize(vec3_load(lamp->direction)) : vec3(0, 1, 0), t, b;
+    float low = lamp->type == CHIARO_LIGHT_SPOT ? lamp->cos_outer : -1, along = low + (1 - low) * pair.u;
+    float across = sqrtf(fmaxf(0, 1 - along * along)), phi = 2 * CHIARO_PI * pair.v;
+    vec3_frame(axis, &t, &b);
+    Vec3 direction = vec3_mad(vec3_mad(vec3_scale(axis, along), t, across * cosf(phi)), b, across * sinf(phi));
+
+    ChiaroHit hit;
+    (*rays)++;
+    /* As a shadow ray ends short of the lamp, so this one starts: a lamp may touch the surface that carries it. */
+    float start = chiaro_rays_epsilon(world->rays);
+    if (!chiaro_rays_hit(world->rays, vec3_load(lamp->position), direction, start, INFINITY, &hit) || !hit.front)
+        return vec3(0, 0, 0);
+    Place lit = path_place(world, hit.part, hit.triangle, hit.u, hit.v, hit.normal);
+    Vec3 toward;
+    float distance, free = free_density(first, &lit);
+    Vec3 light = lamp_light(lamp, &lit, &toward, &distance);
+    float density = lamp_density(world, number, &lit, toward, distance);
+    if (!(free > 0) || !(density > 0) || !(vec3_max(light) > 0) || !joined(world, first->origin, lit.origin, rays))
+        return vec3(0, 0, 0);
+    /* The free ray's density is the geometric factor between the two, too. */
+    return vec3_scale(vec3_mul(light, lit.albedo), free / density * mis_weight(density, free));
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Emitters, sky, and the walk
+ */
+
+/* From per m^2 around a place, seen along a unit direction at a distance, to per steradian. */
+static float per_steradian(float density, Vec3 direction, const Place *seen, float distance)
+{
+    float cosine = -vec3_dot(direction, seen->geometric);
+    return cosine > 0 ? density * squared(distance) / cosine : INFINITY;
+}
+
+static Vec3 geometric_normal(const ChiaroScene *scene, uint32_t triangle)
+{
+    const uint32_t *index = scene->indices + (size_t)triangle * 3;
+    Vec3 a = vec3_load(scene->vertices[index[0]].position);
+    Vec3 e = vec3_normalize(vec3_sub(vec3_load(scene->vertices[index[1]].position), a));
+    Vec3 f = vec3_normalize(vec3_sub(vec3_load(scene->vertices[index[2]].position), a));
+    return vec3_normalize(vec3_cross(e, f));
+}
+
+static Vec3 from_emitter(const World *world, const Place *place, float choice, Pair pair, uint64_t *rays)
+{
+    EmitterPoint point = emitters_draw(&world->emitters, choice, pair);
+    Place seen = path_place(world, point.part, point.triangle, point.u, point.v,
+                            geometric_normal(world->scene, point.triangle));
+    Vec3 line = vec3_sub(seen.position, place->position), direction = vec3_normalize(line);
+    float weight = kernel(place, direction);
+    float density = per_steradian(point.density, direction, &seen, vec3_length(line));
+    if (!(weight > 0) || !(density < INFINITY) || !(density > 0) || !(vec3_max(seen.emission) > 0) ||
+        !joined(world, place->origin, seen.origin, rays))
+        return vec3(0, 0, 0);
+    return vec3_scale(seen.emission, weight / CHIARO_PI / density * mis_weight(density, weight / CHIARO_PI));
+}
+
+static Vec3 sky_radiance(const World *world, Vec3 direction)
+{
+    float d[3], rgb[3] = {0, 0, 0};
+    vec3_store(d, direction);
+    if (world->sky)
+        chiaro_sky_radiance(world->sky, d, rgb);
+    return vec3_load(rgb);
+}
+
+static Vec3 from_sky(const World *world, const Place *place, Pair pair, uint64_t *rays)
+{
+    float density;
+    Vec3 direction = sky_sampler_draw(world->sky_sampler, pair, &density);
+    float weight = kernel(place, direction);
+    if (!(weight > 0) || !(density > 0))
+        return vec3(0, 0, 0);
+    (*rays)++;
+    if (chiaro_rays_blocked(world->rays, place->origin, direction, 0, INFINITY))
+        return vec3(0, 0, 0);
+    float share = weight / CHIARO_PI / density * mis_weight(density, weight / CHIARO_PI);
+    return vec3_scale(sky_radiance(world, direction), share);
+}
+
+/* The sky that a free ray of this density found. */
+static Vec3 found_sky(const World *world, Vec3 direction, float density)
+{
+    float aimed = world->sky_sampler ? sky_sampler_density(world->sky_sampler, direction) : 0;
+    return vec3_scale(sky_radiance(world, direction), mis_weight(density, aimed));
+}
+
+/* The emission that a free ray of this density found. */
+static Vec3 found_emission(const World *world, const Place *seen, Vec3 direction, float distance, float density)
+{
+    float area_density = world->emitters.densities ? world->emitters.densities[seen->triangle] : 0;
+    float aimed = area_density > 0 ? per_steradian(area_density, direction, seen, distance) : 0;
+    return vec3_scale(seen->emission, mis_weight(density, aimed));
+}
+
+Vec3 path_indirect(const World *world, const Place *first, Sampler *sampler, uint32_t depth, uint64_t *rays)
+{
+    Vec3 light = vec3(0, 0, 0), carried = vec3(1, 1, 1);
+    Place place = *first;
+    bool lamp_ray = world->lamp_shares && depth != 1;
+    if (lamp_ray)
+        light = from_lamp_ray(world, first, sampler, rays);
+    float arrival = INFINITY; /* density of the free ray that came here, if it shares with the lamp's ray */
+    for (uint32_t vertex = 0; depth == 0 || vertex < depth; vertex++) {
+        Vec3 here = vec3(0, 0, 0);
+        Pair choices = sampler_pair(sampler, pair_at(vertex, PAIR_CHOICES));
+        if (vertex > 0)
+            here = from_lamps(world, &place, arrival, choices.v, rays);
+        if (world->emitters.count) {
+            Pair pair = sampler_pair(sampler, pair_at(vertex, PAIR_EMITTER));
+            here = vec3_add(here, from_emitter(world, &place, choices.u, pair, rays));
+        }
+        if (world->sky_sampler)
+            here = vec3_add(here, from_sky(world, &place, sampler_pair(sampler, pair_at(vertex, PAIR_SKY)), rays));
+        light = vec3_add(light, vec3_mul(carried, here));
+
+        Vec3 direction = free_direction(&place, sampler_pair(sampler, pair_at(vertex, PAIR_DIRECTION)));
+        float density = kernel(&place, direction) / CHIARO_PI;
+        ChiaroHit hit;
+        (*rays)++;
+        if (!chiaro_rays_hit(world->rays, place.origin, direction, 0, INFINITY, &hit))
+            return vec3_add(light, vec3_mul(carried, found_sky(world, direction, density)));
+        if (!hit.front)
+            return light;
+        Place next = path_place(world, hit.part, hit.triangle, hit.u, hit.v, hit.normal);
+        light = vec3_add(light, vec3_mul(carried, found_emission(world, &next, direction, hit.distance, density)));
+        carried = vec3_mul(carried, next.albedo);
+
+        float strength = vec3_max(carried);
+        if (strength < ROULETTE_BELOW) {
+            if (chiaro_random_float(&sampler->random) * ROULETTE_BELOW >= strength)
+                return light;
+            carried = vec3_scale(carried, ROULETTE_BELOW / strength);
+        }
+        arrival = lamp_ray && vertex == 0 ? free_density(&place, &next) : INFINITY;
+        place = next;
+    }
+    return light;
+}

@@ -1,0 +1,279 @@
+/* Pictures and probes made of paths. A pixel's first hit is found once; its light straight from lamps is exact; the rest
+ * is the mean of two independent halves of paths, whose difference tells the noise. Random numbers depend on the seed,
+ * the pixel, the half and the sample alone, so any number of threads gives the same bits. */
+#include "reference.h"
+
+#include "../core/log.h"
+#include "../offline/parallel.h"
+#include "path.h"
+
+#include <stdatomic.h>
+#include <stdlib.h>
+
+#define IRRADIANCE_BATCHES 16u
+/* Pixels a thread takes at a time: few, so that an interrupt is heard soon. */
+#define PIXEL_RUN 16u
+
+struct ChiaroReference {
+    World world;
+    ChiaroRays *rays;
+    ChiaroSky sky;
+};
+
+ChiaroResult chiaro_reference_create(const ChiaroScene *scene, const ChiaroLight *lights, uint32_t light_count,
+                                     const ChiaroSky *sky, const ChiaroLog *log, ChiaroReference **out)
+{
+    *out = NULL;
+    bool all_good = true, any_starts = false;
+    for (uint32_t i = 0; i < light_count; i++) {
+        all_good &= chiaro_light_check(&lights[i]) == CHIARO_OK;
+        any_starts |= lights[i].type != CHIARO_LIGHT_SUN;
+    }
+    if (!all_good || (sky && chiaro_sky_check(sky) != CHIARO_OK)) {
+        chiaro_log_write(log, CHIARO_LOG_ERROR, CHIARO_LOG_ARGUMENT_INVALID, all_good ? "sky" : "light");
+        return CHIARO_ERROR_ARGUMENT;
+    }
+    ChiaroReference *reference = calloc(1, sizeof *reference);
+    ChiaroResult result = reference ? chiaro_rays_create(scene, log, &reference->rays) : CHIARO_ERROR_MEMORY;
+    if (result == CHIARO_OK) {
+        World *world = &reference->world;
+        *world = (World){.scene = scene, .rays = reference->rays, .lights = lights, .light_count = light_count};
+        if (sky) {
+            reference->sky = *sky;
+            world->sky = &reference->sky;
+            world->sky_sampler = sky_sampler_create(sky);
+        }
+        world->lamp_shares = any_starts ? malloc(light_count * sizeof(float)) : NULL;
+        if (world->lamp_shares)
+            path_share_lamps(lights, light_count, world->lamp_shares);
+        if (!emitters_create(scene, &world->emitters))
+            result = CHIARO_ERROR_MEMORY;
+    }
+    if (result != CHIARO_OK) {
+        chiaro_reference_destroy(reference);
+        return result;
+    }
+    *out = reference;
+    return CHIARO_OK;
+}
+
+void chiaro_reference_destroy(ChiaroReference *reference)
+{
+    if (!reference)
+        return;
+    chiaro_rays_destroy(reference->rays);
+    sky_sampler_destroy(reference->world.sky_sampler);
+    emitters_destroy(&reference->world.emitters);
+    free(reference->world.lamp_shares);
+    free(reference);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Pictures
+ */
+
+typedef struct Picture {
+    const World *world;
+    const ChiaroReferenceDesc *desc;
+    ChiaroReferenceImages *images;
+    float *squares; /* per pixel: squared difference of the two halves of the indirect light, sum over channels */
+    Vec3 right;
+    float tangent; /* of half the opening, per half picture height */
+    atomic_uint_fast64_t rays;
+} Picture;
+
+/* What a pixel centre sees. Backs are culled, as a rasteriser does, and so is what lies before znear or beyond zfar. */
+static bool first_hit(const Picture *picture, uint32_t x, uint32_t y, Vec3 *direction, ChiaroHit *hit, uint64_t *rays)
+{
+    const ChiaroCamera *camera = &picture->desc->camera;
+    float width = (float)picture->desc->width, height = (float)picture->desc->height;
+    float across = ((float)x + 0.5f - 0.5f * width) / (0.5f * height) * picture->tangent;
+    float up = (0.5f * height - (float)y - 0.5f) / (0.5f * height) * picture->tangent;
+    Vec3 line = vec3_mad(vec3_load(camera->forward), picture->right, across);
+    line = vec3_mad(line, vec3_load(camera->up), up);
+    float stretch = vec3_length(line);
+    *direction = vec3_scale(line, 1 / stretch);
+
+    float start = camera->znear * stretch, end = camera->zfar > 0 ? camera->zfar * stretch : INFINITY;
+    for (;;) {
+        (*rays)++;
+        if (!chiaro_rays_hit(picture->world->rays, vec3_load(camera->eye), *direction, start, end, hit))
+            return false;
+        if (hit->front)
+            return true;
+        start = nextafterf(hit->distance, INFINITY);
+    }
+}
+
+static void set_pixel(const Picture *picture, ChiaroComponent component, uint32_t pixel, Vec3 rgb, float alpha)
+{
+    float *rgba = picture->images->pixels[component] + (size_t)pixel * 4;
+    vec3_store(rgba, rgb);
+    rgba[3] = alpha;
+}
+
+static void mean_of_paths(const World *world, const Place *place, uint64_t key, uint32_t count, uint32_t depth,
+                          double mean[3], uint64_t *rays)
+{
+    double sum[3] = {0, 0, 0};
+    for (uint32_t i = 0; i < count; i++) {
+        Sampler sampler = sampler_make(key, i);
+        Vec3 light = path_indirect(world, place, &sampler, depth, rays);
+        sum[0] += (double)light.x, sum[1] += (double)light.y, sum[2] += (double)light.z;
+    }
+    for (uint32_t c = 0; c < 3; c++)
+        mean[c] = sum[c] / count;
+}
+
+static void trace_pixel(Picture *picture, uint32_t pixel, uint64_t *rays)
+{
+    const World *world = picture->world;
+    const ChiaroReferenceDesc *desc = picture->desc;
+    Vec3 direction, black = vec3(0, 0, 0);
+    ChiaroHit hit;
+    if (!first_hit(picture, pixel % desc->width, pixel / desc->width, &direction, &hit, rays)) {
+        float toward[3], sky[3] = {0, 0, 0};
+        vec3_store(toward, direction);
+        if (world->sky)
+            chiaro_sky_radiance(world->sky, toward, sky);
+        set_pixel(picture, CHIARO_COMPONENT_FULL, pixel, vec3_load(sky), 0);
+        set_pixel(picture, CHIARO_COMPONENT_PUNCTUAL, pixel, black, 0);
+        set_pixel(picture, CHIARO_COMPONENT_INDIRECT, pixel, black, 0);
+        return;
+    }
+    Place place = path_place(world, hit.part, hit.triangle, hit.u, hit.v, hit.normal);
+    Vec3 punctual = vec3_mul(place.albedo, path_punctual(world, &place, rays));
+    uint64_t key = chiaro_random_mix(chiaro_random_mix(desc->seed) + pixel);
+    double halves[2][3];
+    for (uint32_t i = 0; i < 2; i++)
+        mean_of_paths(world, &place, chiaro_random_mix(key + i), (desc->spp + 1) / 2, desc->depth, halves[i], rays);
+    float albedo[3], mean[3];
+    double square = 0;
+    vec3_store(albedo, place.albedo);
+    for (uint32_t c = 0; c < 3; c++) {
+        mean[c] = (float)(0.5 * (halves[0][c] + halves[1][c]) * (double)albedo[c]);
+        double difference = (halves[0][c] - halves[1][c]) * (double)albedo[c];
+        square += difference * difference;
+    }
+    picture->squares[pixel] = (float)square;
+    Vec3 indirect = vec3_load(mean);
+    set_pixel(picture, CHIARO_COMPONENT_PUNCTUAL, pixel, punctual, 1);
+    set_pixel(picture, CHIARO_COMPONENT_INDIRECT, pixel, indirect, 1);
+    set_pixel(picture, CHIARO_COMPONENT_FULL, pixel, vec3_add(vec3_add(punctual, indirect), place.emission), 1);
+}
+
+static void trace_pixels(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    (void)thread;
+    Picture *picture = user;
+    uint64_t rays = 0;
+    for (uint32_t i = begin; i < end; i++)
+        trace_pixel(picture, i, &rays);
+    atomic_fetch_add(&picture->rays, rays);
+}
+
+/* The mean of two halves is off by half of what they differ, in the mean square. */
+static double relative_noise(const Picture *picture, ChiaroComponent component)
+{
+    const float *pixels = picture->images->pixels[component];
+    double squares = 0, values = 0;
+    for (size_t i = 0, n = (size_t)picture->desc->width * picture->desc->height; i < n; i++) {
+        const float *p = pixels + i * 4;
+        if (p[3] > 0) {
+            squares += (double)picture->squares[i];
+            values += (double)p[0] * (double)p[0] + (double)p[1] * (double)p[1] + (double)p[2] * (double)p[2];
+        }
+    }
+    return values > 0 ? 0.5 * sqrt(squares / values) : 0;
+}
+
+ChiaroResult chiaro_reference_render(const ChiaroReference *reference, const ChiaroReferenceDesc *desc,
+                                     ChiaroReferenceImages *images)
+{
+    *images = (ChiaroReferenceImages){0};
+    if (desc->width < 1 || desc->height < 1 || desc->width > CHIARO_REFERENCE_MAX_SIZE ||
+        desc->height > CHIARO_REFERENCE_MAX_SIZE || desc->spp < 1 || desc->spp > CHIARO_REFERENCE_MAX_SPP)
+        return CHIARO_ERROR_ARGUMENT;
+    size_t pixels = (size_t)desc->width * desc->height;
+    Picture picture = {.world = &reference->world, .desc = desc, .images = images,
+                       .squares = calloc(pixels, sizeof(float)),
+                       .right = vec3_cross(vec3_load(desc->camera.forward), vec3_load(desc->camera.up)),
+                       .tangent = tanf(0.5f * desc->camera.yfov)};
+    bool good = picture.squares;
+    for (uint32_t i = 0; i < CHIARO_COMPONENT_COUNT; i++) {
+        images->pixels[i] = malloc(pixels * 4 * sizeof(float));
+        good = good && images->pixels[i];
+    }
+    ChiaroResult result = good ? CHIARO_OK : CHIARO_ERROR_MEMORY;
+    if (good && !chiaro_parallel_for(desc->threads, (uint32_t)pixels, PIXEL_RUN, trace_pixels, &picture, desc->progress,
+                                     desc->progress_user))
+        result = CHIARO_ERROR_INTERRUPTED;
+    if (result == CHIARO_OK) {
+        /* Light straight from lamps has no noise: every lamp is asked once. */
+        images->noise[CHIARO_COMPONENT_FULL] = relative_noise(&picture, CHIARO_COMPONENT_FULL);
+        images->noise[CHIARO_COMPONENT_INDIRECT] = relative_noise(&picture, CHIARO_COMPONENT_INDIRECT);
+        images->rays = atomic_load(&picture.rays);
+    } else {
+        chiaro_reference_free_images(images);
+    }
+    free(picture.squares);
+    return result;
+}
+
+void chiaro_reference_free_images(ChiaroReferenceImages *images)
+{
+    for (uint32_t i = 0; i < CHIARO_COMPONENT_COUNT; i++)
+        free(images->pixels[i]);
+    *images = (ChiaroReferenceImages){0};
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Probes
+ */
+
+typedef struct Probe {
+    const World *world;
+    const Place *place;
+    uint32_t samples, depth, seed; /* samples of one batch */
+    double means[IRRADIANCE_BATCHES][3];
+} Probe;
+
+static void trace_batches(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    (void)thread;
+    Probe *probe = user;
+    uint64_t rays = 0;
+    for (uint32_t i = begin; i < end; i++) {
+        uint64_t key = chiaro_random_mix(chiaro_random_mix(probe->seed) + i);
+        mean_of_paths(probe->world, probe->place, key, probe->samples, probe->depth, probe->means[i], &rays);
+    }
+}
+
+ChiaroReferenceIrradiance chiaro_reference_irradiance(const ChiaroReference *reference, const float point[3],
+                                                      const float normal[3], uint32_t samples, uint32_t depth,
+                                                      uint32_t seed, uint32_t threads)
+{
+    const World *world = &reference->world;
+    Vec3 p = vec3_load(point), n = vec3_load(normal);
+    Place place = {.position = p, .origin = vec3_mad(p, n, chiaro_rays_epsilon(world->rays)), .geometric = n,
+                   .shading = n};
+    uint64_t rays = 0;
+    Vec3 punctual = path_punctual(world, &place, &rays);
+    uint32_t batch = samples / IRRADIANCE_BATCHES + (samples % IRRADIANCE_BATCHES != 0 || samples == 0);
+    Probe probe = {.world = world, .place = &place, .samples = batch, .depth = depth, .seed = seed};
+    chiaro_parallel_for(threads, IRRADIANCE_BATCHES, 1, trace_batches, &probe, NULL, NULL);
+
+    const double pi = 3.14159265358979323846;
+    ChiaroReferenceIrradiance result = {.punctual = {pi * (double)punctual.x, pi * (double)punctual.y,
+                                                     pi * (double)punctual.z}};
+    for (uint32_t c = 0; c < 3; c++) {
+        double mean = 0, squares = 0;
+        for (uint32_t i = 0; i < IRRADIANCE_BATCHES; i++)
+            mean += probe.means[i][c] / IRRADIANCE_BATCHES;
+        for (uint32_t i = 0; i < IRRADIANCE_BATCHES; i++)
+            squares += (probe.means[i][c] - mean) * (probe.means[i][c] - mean);
+        result.indirect[c] = pi * mean;
+        result.error[c] = pi * sqrt(squares / (IRRADIANCE_BATCHES * (IRRADIANCE_BATCHES - 1.0)));
+    }
+    return result;
+}
