@@ -2,8 +2,8 @@
  * asked for with the same words everywhere. */
 #include "options.h"
 
-#include "../../src/core/vec.h"
 #include "../../src/io/io.h"
+#include "view.h"
 
 #include <float.h>
 #include <stdarg.h>
@@ -196,23 +196,6 @@ bool options_take(SceneOptions *options, int argc, char **argv, int *index)
  * What they mean for a scene
  */
 
-/* A camera at `eye` that looks at `target`; up is as near to +Y as it can be. */
-static bool look_at(ChiaroCamera *camera, Vec3 eye, Vec3 target)
-{
-    Vec3 forward = vec3_normalize(vec3_sub(target, eye));
-    if (!(vec3_length(forward) > 0.5f)) /* The same place, or too far away for floats. */
-        return false;
-    Vec3 up = vec3(0, 1, 0), level = vec3_mad(up, forward, -vec3_dot(up, forward));
-    if (vec3_length(level) < 1e-3f) {
-        up = vec3(0, 0, -1);
-        level = vec3_mad(up, forward, -vec3_dot(up, forward));
-    }
-    vec3_store(camera->eye, eye);
-    vec3_store(camera->forward, forward);
-    vec3_store(camera->up, vec3_normalize(level));
-    return true;
-}
-
 /* Centre and radius of everything that there is to see. */
 static float scene_bounds(const ChiaroScene *scene, Vec3 *center)
 {
@@ -259,7 +242,7 @@ bool options_camera(const SceneOptions *options, const ChiaroScene *scene, Chiar
     if (options->fov > 0)
         camera->yfov = options->fov * degree;
     if (options->has_view) {
-        if (look_at(camera, vec3_load(options->eye), vec3_load(options->target)))
+        if (view_look_at(camera, vec3_load(options->eye), vec3_load(options->target)))
             return true;
         fprintf(stderr, "%s: --eye and --target leave no direction to look\n", options->program);
         return false;
@@ -277,7 +260,7 @@ bool options_camera(const SceneOptions *options, const ChiaroScene *scene, Chiar
     }
     /* From a corner, far enough for the sphere around the scene to fit. */
     Vec3 toward = vec3_normalize(vec3(0.6f, 0.5f, 1));
-    return look_at(camera, vec3_mad(center, toward, radius / sinf(camera->yfov / 2)), center);
+    return view_look_at(camera, vec3_mad(center, toward, radius / sinf(camera->yfov / 2)), center);
 }
 
 ChiaroLight *options_lights(const SceneOptions *options, const ChiaroScene *scene, uint32_t *count)

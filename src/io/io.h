@@ -27,8 +27,18 @@ typedef struct ChiaroIoScene {
 bool chiaro_io_read_gltf(const char *path, ChiaroIoScene *scene, ChiaroIoError *error);
 void chiaro_io_free_scene(ChiaroIoScene *scene);
 
-/* Writes a scene as .glb (materials, lights by KHR_lights_punctual, cameras; no textures). */
-bool chiaro_io_write_glb(const char *path, const ChiaroScene *scene, ChiaroIoError *error);
+/* A named run of parts for the writer: a glTF node. Vertices stay in world space; the node's own are written relative
+ * to `translation`. */
+typedef struct ChiaroIoNode {
+    char name[CHIARO_NAME_SIZE];
+    float translation[3];
+    uint32_t first_part, part_count;
+} ChiaroIoNode;
+
+/* Writes a scene as .glb: materials, lights by KHR_lights_punctual, cameras; no textures. Same scene, same bytes.
+ * `nodes` cover the parts that are to be written; NULL: one node with all of them. */
+bool chiaro_io_write_glb(const char *path, const ChiaroScene *scene, const ChiaroIoNode *nodes, uint32_t node_count,
+                         ChiaroIoError *error);
 
 /* An image of floats, row 0 on top, `channels` 3 (RGB) or 4 (RGBA). Free `pixels` with free(). */
 typedef struct ChiaroIoImage {
