@@ -17,7 +17,10 @@ void chiaro_sky_radiance(const ChiaroSky *sky, const float direction[3], float r
     uint32_t top = row < 0 ? 0 : row >= height ? height - 1 : (uint32_t)row;
     uint32_t bottom = row + 1 >= height ? height - 1 : (uint32_t)(row + 1);
     const float *upper = sky->radiance + (size_t)top * width * 3, *lower = sky->radiance + (size_t)bottom * width * 3;
-    for (uint32_t c = 0; c < 3; c++)
-        rgb[c] = (1 - t) * ((1 - s) * upper[left * 3 + c] + s * upper[right * 3 + c]) +
-                 t * ((1 - s) * lower[left * 3 + c] + s * lower[right * 3 + c]);
+    for (uint32_t c = 0; c < 3; c++) {
+        /* In this form equal texels give exactly their value. */
+        float a = upper[left * 3 + c], b = lower[left * 3 + c];
+        a += s * (upper[right * 3 + c] - a), b += s * (lower[right * 3 + c] - b);
+        rgb[c] = a + t * (b - a);
+    }
 }

@@ -1,6 +1,6 @@
-/* Pictures and probes made of paths. A pixel's first hit is found once; its light straight from lamps is exact; the rest
- * is the mean of two independent halves of paths, whose difference tells the noise. Random numbers depend on the seed,
- * the pixel, the half and the sample alone, so any number of threads gives the same bits. */
+/* Pictures and probes made of paths. A pixel's first hit is found once; its light straight from lamps is exact; the
+ * rest is the mean of two independent halves of paths, whose difference tells the noise. Random numbers depend on the
+ * seed, the pixel, the half and the sample alone, so any number of threads gives the same bits. */
 #include "reference.h"
 
 #include "../core/log.h"
@@ -187,12 +187,21 @@ static double relative_noise(const Picture *picture, ChiaroComponent component)
     return values > 0 ? 0.5 * sqrt(squares / values) : 0;
 }
 
+static bool can_render(const ChiaroReferenceDesc *desc)
+{
+    const ChiaroCamera *camera = &desc->camera;
+    Vec3 eye = vec3_load(camera->eye), forward = vec3_load(camera->forward), up = vec3_load(camera->up);
+    float numbers = vec3_length(eye) + vec3_length(forward) + vec3_length(up) + camera->znear + camera->zfar;
+    return isfinite(numbers) && camera->yfov > 0 && camera->yfov < CHIARO_PI && camera->znear >= 0 &&
+           camera->zfar >= 0 && desc->width >= 1 && desc->height >= 1 && desc->width <= CHIARO_REFERENCE_MAX_SIZE &&
+           desc->height <= CHIARO_REFERENCE_MAX_SIZE && desc->spp >= 1 && desc->spp <= CHIARO_REFERENCE_MAX_SPP;
+}
+
 ChiaroResult chiaro_reference_render(const ChiaroReference *reference, const ChiaroReferenceDesc *desc,
                                      ChiaroReferenceImages *images)
 {
     *images = (ChiaroReferenceImages){0};
-    if (desc->width < 1 || desc->height < 1 || desc->width > CHIARO_REFERENCE_MAX_SIZE ||
-        desc->height > CHIARO_REFERENCE_MAX_SIZE || desc->spp < 1 || desc->spp > CHIARO_REFERENCE_MAX_SPP)
+    if (!can_render(desc))
         return CHIARO_ERROR_ARGUMENT;
     size_t pixels = (size_t)desc->width * desc->height;
     Picture picture = {.world = &reference->world, .desc = desc, .images = images,
