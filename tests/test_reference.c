@@ -282,8 +282,8 @@ static Mesh lit_box(void)
     mesh_material(&mesh, 0.7f, 0);
     mesh_box(&mesh, vec3(-1, -1, -1), vec3(1, 1, 1));
     mesh_material(&mesh, 0.3f, 0.5f);
-    mesh_quad(&mesh, vec3(-0.4f, -0.6f, 0.4f), vec3(0.4f, -0.6f, 0.4f), vec3(0.4f, -0.6f, -0.4f),
-              vec3(-0.4f, -0.6f, -0.4f));
+    mesh_quad(&mesh, vec3(-0.4f, -0.6f, -0.5f), vec3(0.4f, -0.6f, -0.5f), vec3(0.4f, 0.2f, -0.6f),
+              vec3(-0.4f, 0.2f, -0.6f));
     return mesh;
 }
 
@@ -327,7 +327,7 @@ static void the_components_add_up_and_the_sky_shows_where_no_surface_is(void **s
     ChiaroSky sky = {1, 1, blue};
     ChiaroReference *reference = make_reference(&mesh, &lamp, 1, &sky);
     ChiaroReferenceDesc desc = small_picture(4);
-    desc.camera.yfov = 2;
+    desc.camera.yfov = 1.2f;
     ChiaroReferenceImages images;
     assert_int_equal(chiaro_reference_render(reference, &desc, &images), CHIARO_OK);
     int surfaces = 0, empty = 0, emitting = 0;
