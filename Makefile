@@ -83,6 +83,9 @@ else
 
 # ---- rules -----------------------------------------------------------------------------------------------------------
 $(B)/obj/src/io/%.o $(B)/obj/samples/%.o $(B)/obj/tests/%.o: CFLAGS_ALL += $(EXR_CFLAGS)
+ifeq ($(config),release)
+$(B)/obj/src/bake/%.o: CFLAGS_ALL += -O3
+endif
 $(B)/obj/src/offline/%.o: CFLAGS_ALL += -DCHIARO_EMBREE=$(subst embree,,$(EMBREE))
 
 $(B)/obj/%.o: %.c

@@ -289,12 +289,12 @@ typedef struct ChiaroTransportInfo {
     uint32_t degenerate_triangles;  /**< Ignored. */
     uint32_t sky_seen;              /**< 1: some of the scene is open to the sky. */
     uint32_t emitters;              /**< Samples that emit. */
-    uint32_t reserved;
+    uint32_t solver_sweeps;         /**< Most that any training light needed. */
     float bounds_min[3], bounds_max[3];
     float patch_size;    /**< Edge of a square of a sample's mean area, m. */
     float fit_error;     /**< relRMSE of the links on training lights. */
-    float direct_share;  /**< Mean of (1 - sky) over receivers. */
-    float reserved1;
+    float sample_fit_error; /**< The same of the links between samples. */
+    float reserved;
 } ChiaroTransportInfo;
 
 typedef struct ChiaroTransport {

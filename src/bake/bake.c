@@ -1,0 +1,143 @@
+/* The baker: its stages in order, its settings, its progress. */
+#include "../core/log.h"
+#include "../core/transport.h"
+#include "../offline/parallel.h"
+#include "bake.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* Defaults where the caller leaves them to the scene. */
+enum { DEFAULT_LINKS = 32, DEFAULT_RAYS = 2048, LARGE_SCENE_RAYS = 512, LEAST_RECEIVERS = 4096, MOST_RECEIVERS = 65536 };
+static const float RECEIVER_PART_OF_FREE_PATH = 0.03f;
+
+bool chiaro_bake_progress(float done, void *user)
+{
+    Baker *baker = user;
+    float whole = baker->stage_begin + (baker->stage_end - baker->stage_begin) * done;
+    return !baker->desc.progress || baker->desc.progress(baker->stage, whole, baker->desc.progress_user);
+}
+
+static uint32_t power_of_two(uint32_t n)
+{
+    uint32_t p = 16;
+    while (p < n)
+        p *= 2;
+    return p;
+}
+
+static ChiaroResult resolve(Baker *baker, const ChiaroBakeDesc *desc)
+{
+    ChiaroBakeDesc *d = &baker->desc;
+    if (desc) {
+        if (desc->struct_size < sizeof *desc)
+            return CHIARO_ERROR_ARGUMENT;
+        *d = *desc;
+    }
+    d->links = d->links ? d->links : DEFAULT_LINKS;
+    d->threads = d->threads ? d->threads : chiaro_core_count();
+    bool sane = d->links <= CHIARO_MAX_LINKS && d->rays <= CHIARO_MAX_RAYS && d->threads <= 1024 &&
+                (d->samples == 0 || (d->samples >= CHIARO_MIN_SAMPLES && d->samples <= CHIARO_MAX_SAMPLES)) &&
+                d->receivers <= 1u << 24;
+    if (!sane)
+        chiaro_log_write(&d->log, CHIARO_LOG_ERROR, CHIARO_LOG_ARGUMENT_INVALID, "links, samples, rays or threads");
+    return sane ? CHIARO_OK : CHIARO_ERROR_ARGUMENT;
+}
+
+/* What only the scene's size can tell. */
+static void resolve_from_scene(Baker *baker)
+{
+    ChiaroBakeDesc *d = &baker->desc;
+    double edge = RECEIVER_PART_OF_FREE_PATH * baker->free_path, wanted = baker->patches.area / (edge * edge);
+    if (!d->receivers)
+        d->receivers = (uint32_t)fmin(MOST_RECEIVERS, fmax(LEAST_RECEIVERS, wanted));
+    if (!d->rays)
+        d->rays = wanted > MOST_RECEIVERS ? LARGE_SCENE_RAYS : DEFAULT_RAYS;
+    d->rays = power_of_two(d->rays);
+    baker->sample_rays = d->rays / 2 < 16 ? 16 : d->rays / 2;
+    baker->info.rays = d->rays;
+    baker->info.sample_links = baker->info.receiver_links = d->links;
+    baker->info.seed = d->seed;
+}
+
+static void measure_bounds(Baker *baker)
+{
+    for (int c = 0; c < 3; c++) {
+        baker->info.bounds_min[c] = INFINITY, baker->info.bounds_max[c] = -INFINITY;
+        for (uint32_t i = 0; i < baker->scene->index_count; i++) {
+            float p = baker->scene->vertices[baker->scene->indices[i]].position[c];
+            baker->info.bounds_min[c] = fminf(baker->info.bounds_min[c], p);
+            baker->info.bounds_max[c] = fmaxf(baker->info.bounds_max[c], p);
+        }
+    }
+}
+
+static void release(Baker *baker)
+{
+    Patches *p = &baker->patches;
+    void *all[] = {p->triangle_first, p->triangle_edge, p->small_leaf, p->leaf_small, p->leaf_first, p->small_triangle,
+                   p->triangle_part, p->leaf_cumulative, baker->samples, baker->points, baker->leaf_weights,
+                   baker->sky_directions, baker->sky_order, baker->nodes, baker->row_first, baker->rows, baker->vertices,
+                   baker->vertex_receivers, baker->indices, baker->parts, baker->receivers, baker->receiver_plane,
+                   baker->column_channel, baker->direct, baker->total, baker->carried, baker->irradiance,
+                   baker->clusters, baker->sample_cluster, baker->response[0], baker->response[1], baker->response[2],
+                   baker->sample_links, baker->sample_scales, baker->receiver_links, baker->receiver_scales};
+    for (size_t k = 0; k < sizeof all / sizeof *all; k++)
+        free(all[k]);
+    chiaro_rays_destroy(baker->rays);
+}
+
+typedef struct Stage {
+    const char *name;
+    ChiaroResult (*run)(Baker *);
+    float end; /* of the whole bake */
+} Stage;
+
+ChiaroResult chiaro_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc, ChiaroBlob *blob)
+{
+    static const Stage stages[] = {
+        {"patches", chiaro_bake_patches, 0.03f},           {"rows", chiaro_bake_rows, 0.15f},
+        {"mesh", chiaro_bake_mesh, 0.2f},                  {"training lights", chiaro_bake_training, 0.35f},
+        {"bounces", chiaro_bake_solve, 0.5f},              {"sample links", chiaro_bake_sample_links, 0.6f},
+        {"receiver links", chiaro_bake_receiver_links, 1},
+    };
+    Baker baker = {.scene = scene};
+    if (!scene || !blob)
+        return CHIARO_ERROR_ARGUMENT;
+    ChiaroResult result = resolve(&baker, desc);
+    if (result == CHIARO_OK)
+        result = chiaro_scene_check(scene, &baker.desc.log);
+    if (result == CHIARO_OK)
+        result = chiaro_rays_create(scene, &baker.desc.log, &baker.rays);
+    if (result == CHIARO_OK)
+        measure_bounds(&baker);
+    for (size_t s = 0; s < sizeof stages / sizeof *stages && result == CHIARO_OK; s++) {
+        baker.stage = stages[s].name;
+        baker.stage_begin = s ? stages[s - 1].end : 0, baker.stage_end = stages[s].end;
+        if (!chiaro_bake_progress(0, &baker))
+            result = CHIARO_ERROR_INTERRUPTED;
+        else
+            result = stages[s].run(&baker);
+        if (s == 0 && result == CHIARO_OK)
+            resolve_from_scene(&baker);
+    }
+    if (result == CHIARO_OK)
+        result = chiaro_bake_write(&baker, blob);
+    if (result == CHIARO_OK)
+        chiaro_log_write(&baker.desc.log, CHIARO_LOG_INFO, CHIARO_LOG_BAKE_SUMMARY,
+                         "%u samples, %u receivers, %u training lights, %u sweeps, fit %.4f (samples %.4f)",
+                         baker.sample_count, baker.receiver_count, baker.info.training_lights, baker.info.solver_sweeps,
+                         (double)baker.info.fit_error, (double)baker.info.sample_fit_error);
+    if (result == CHIARO_ERROR_MEMORY)
+        chiaro_log_write(&baker.desc.log, CHIARO_LOG_ERROR, CHIARO_LOG_OUT_OF_MEMORY, "while baking %s", baker.stage);
+    release(&baker);
+    return result;
+}
+
+void chiaro_blob_free(ChiaroBlob *blob)
+{
+    if (blob) {
+        free(blob->data);
+        *blob = (ChiaroBlob){NULL, 0};
+    }
+}

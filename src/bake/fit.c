@@ -1,0 +1,459 @@
+/* Links, fitted: a row of form factors becomes K (node, weight).
+ *
+ * 1. Cut. From the root down, always the node is opened whose inside matters most to this row: where the form factors and
+ *    the light inside it vary together over the training lights, so that the mean of its light is not enough.
+ * 2. Weights. Least squares over the training lights, pulled toward the form factors (a weight may move about as far as it
+ *    is large), never negative, so that no light can make darkness.
+ * 3. Energy. The weights are scaled to the row's sum, surfaces and sky apart: a uniform field comes out right.
+ */
+#include "fit.h"
+
+#include "kernels.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_COLUMNS = 512, ACTIVE_ROUNDS = 8 };
+
+/* Expected error of the fit, as a part of the row's light: the smaller, the further weights may leave the form factors. */
+static const float FIT_NOISE = 0.01f;
+/* Weights are this free: as a part of themselves plus a part of the mean weight. */
+static const float FREEDOM_OF_MEAN = 0.5f;
+/* A training light counts by its brightness to this power, minus one: 1 would heed bright ones only, 0 all alike. */
+static const float LEVEL_POWER = 0.5f;
+/* Uniform light and the scene's own emitters count as much as this many training lights. */
+static const float SPECIAL_COLUMNS = 8;
+
+typedef struct Table {
+    const float *rows;
+    uint32_t *slot;    /* of each node in the arena; CHIARO_NONE: not there yet */
+    uint32_t *nodes, count, capacity;
+    float *arena;
+} Table;
+
+typedef struct Open {
+    uint32_t node;
+    float own[3];  /* weight of the entries inside, by channel */
+    float spread[3]; /* its part of a cluster's spread light that lies above it */
+    double cost;
+    float *light;  /* what the entries inside send, by column */
+} Open;
+
+struct Fitter {
+    FitTask task;
+    Table truth, feature;
+    uint32_t columns[MOST_COLUMNS + 3 * CHIARO_LANES];
+    float column_scale[MOST_COLUMNS + 3 * CHIARO_LANES];
+    uint32_t begin[4]; /* columns of each channel; multiples of CHIARO_LANES */
+    uint32_t width;
+    Open open[CHIARO_MAX_LINKS + 1];
+    float *light_arena, *target, *scratch;
+    double *system, *factor;
+    uint32_t *order;
+    float *level;
+    /* the row at hand */
+    const RowEntry *entries;
+    uint32_t entry_count;
+    float *const *spread;
+};
+
+static bool table_create(Table *table, const float *rows, uint32_t node_count)
+{
+    table->rows = rows;
+    table->slot = malloc(node_count * sizeof *table->slot);
+    table->nodes = malloc(node_count * sizeof *table->nodes);
+    if (table->slot)
+        memset(table->slot, 0xff, node_count * sizeof *table->slot);
+    return table->slot && table->nodes;
+}
+
+static void table_clear(Table *table)
+{
+    for (uint32_t k = 0; k < table->count; k++)
+        table->slot[table->nodes[k]] = CHIARO_NONE;
+    table->count = 0;
+}
+
+/* A node's light under the tile's training lights; NULL: out of memory. Good until the next call. */
+static const float *table_row(const Fitter *fitter, Table *table, uint32_t node)
+{
+    uint32_t width = fitter->width;
+    if (table->slot[node] == CHIARO_NONE) {
+        if (table->count == table->capacity) {
+            uint32_t wanted = table->capacity ? table->capacity * 2 : 1024;
+            float *grown = realloc(table->arena, (size_t)wanted * (MOST_COLUMNS + 3 * CHIARO_LANES) * sizeof *grown);
+            if (!grown)
+                return NULL;
+            table->arena = grown, table->capacity = wanted;
+        }
+        const float *from = table->rows + (size_t)node * fitter->task.baker->columns;
+        float *to = table->arena + (size_t)table->count * width;
+        for (uint32_t k = 0; k < width; k++)
+            to[k] = from[fitter->columns[k]] * fitter->column_scale[k];
+        table->nodes[table->count] = node;
+        table->slot[node] = table->count++;
+    }
+    return table->arena + (size_t)table->slot[node] * width;
+}
+
+Fitter *chiaro_fitter_create(const FitTask *task)
+{
+    Fitter *fitter = calloc(1, sizeof *fitter);
+    if (!fitter)
+        return NULL;
+    size_t most = MOST_COLUMNS + 3 * CHIARO_LANES, k = task->links + 1;
+    fitter->task = *task;
+    fitter->light_arena = malloc((k + 1) * most * sizeof *fitter->light_arena);
+    fitter->target = malloc(most * sizeof *fitter->target);
+    fitter->scratch = malloc(most * sizeof *fitter->scratch);
+    fitter->system = malloc(k * k * sizeof *fitter->system);
+    fitter->factor = malloc(k * k * sizeof *fitter->factor);
+    fitter->order = malloc(task->baker->columns * sizeof *fitter->order);
+    fitter->level = malloc(task->baker->columns * sizeof *fitter->level);
+    if (!table_create(&fitter->truth, task->truth, task->baker->node_count) ||
+        !table_create(&fitter->feature, task->feature, task->baker->node_count) || !fitter->light_arena ||
+        !fitter->target || !fitter->scratch || !fitter->system || !fitter->factor || !fitter->order || !fitter->level) {
+        chiaro_fitter_destroy(fitter);
+        return NULL;
+    }
+    return fitter;
+}
+
+void chiaro_fitter_destroy(Fitter *fitter)
+{
+    if (!fitter)
+        return;
+    Table *tables[2] = {&fitter->truth, &fitter->feature};
+    for (int t = 0; t < 2; t++) {
+        free(tables[t]->slot);
+        free(tables[t]->nodes);
+        free(tables[t]->arena);
+    }
+    free(fitter->light_arena);
+    free(fitter->target);
+    free(fitter->scratch);
+    free(fitter->system);
+    free(fitter->factor);
+    free(fitter->order);
+    free(fitter->level);
+    free(fitter);
+}
+
+static int compare_levels(const void *a, const void *b, void *user)
+{
+    const float *level = user;
+    uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
+    if (level[x] != level[y])
+        return level[x] > level[y] ? -1 : 1;
+    return x < y ? -1 : x > y;
+}
+
+bool chiaro_fitter_begin_tile(Fitter *fitter, const float *level)
+{
+    const Baker *baker = fitter->task.baker;
+    uint32_t groups = fitter->task.channels;
+    table_clear(&fitter->truth);
+    table_clear(&fitter->feature);
+    fitter->width = 0;
+    for (uint32_t c = 0; c < groups; c++) {
+        uint32_t count = 0, first = fitter->width;
+        for (uint32_t t = 0; t < baker->used_columns; t++) {
+            if (groups == 1 || baker->column_channel[t] == c || (baker->grey && t < baker->emitter_column))
+                fitter->order[count++] = t;
+        }
+        qsort_r(fitter->order, count, sizeof *fitter->order, compare_levels, (void *)(uintptr_t)level);
+        float brightest = count ? level[fitter->order[0]] : 0, mean = 0;
+        uint32_t room = MOST_COLUMNS / groups / CHIARO_LANES * CHIARO_LANES;
+        fitter->begin[c] = first;
+        for (uint32_t k = 0; k < count && fitter->width - first < room; k++) {
+            uint32_t t = fitter->order[k];
+            if (t >= baker->emitter_column || !(level[t] > 1e-6f * brightest))
+                continue;
+            fitter->columns[fitter->width] = t;
+            fitter->column_scale[fitter->width] = powf(level[t], LEVEL_POWER - 1);
+            mean += level[t] * fitter->column_scale[fitter->width];
+            fitter->width++;
+        }
+        mean = fitter->width > first ? mean / (float)(fitter->width - first) : 1;
+        for (uint32_t k = 0; k < count; k++) {
+            uint32_t t = fitter->order[k];
+            if (t < baker->emitter_column || !(level[t] > 0))
+                continue;
+            fitter->columns[fitter->width] = t;
+            fitter->column_scale[fitter->width++] = sqrtf(SPECIAL_COLUMNS) * mean / level[t];
+        }
+        while (fitter->width % CHIARO_LANES) {
+            fitter->columns[fitter->width] = 0;
+            fitter->column_scale[fitter->width++] = 0;
+        }
+    }
+    for (uint32_t c = groups; c < 4; c++)
+        fitter->begin[c] = fitter->width;
+    return true;
+}
+
+/* First entry whose leaf is not below `leaf`. */
+static uint32_t entry_at(const Fitter *fitter, uint32_t leaf)
+{
+    uint32_t low = 0, high = fitter->entry_count;
+    while (low < high) {
+        uint32_t middle = low + (high - low) / 2;
+        if (fitter->entries[middle].leaf < leaf)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+static bool add_light(Fitter *fitter, Open *open, uint32_t node, const float weight[3])
+{
+    const float *row = table_row(fitter, &fitter->truth, node);
+    if (!row)
+        return false;
+    for (uint32_t c = 0; c < fitter->task.channels; c++) {
+        uint32_t begin = fitter->begin[c], count = fitter->begin[c + 1] - begin;
+        chiaro_axpy(open->light + begin, weight[c], row + begin, count);
+        open->own[c] += weight[c];
+    }
+    return true;
+}
+
+/* Light and weight of the entries inside a node, and what is lost if the node's mean stands for them. */
+static bool open_node(Fitter *fitter, Open *open, uint32_t node, const float above[3])
+{
+    const Baker *baker = fitter->task.baker;
+    const ChiaroNode *n = &baker->nodes[node];
+    open->node = node;
+    open->cost = 0;
+    memset(open->light, 0, fitter->width * sizeof *open->light);
+    for (int c = 0; c < 3; c++)
+        open->own[c] = 0, open->spread[c] = above[c];
+    uint32_t first = entry_at(fitter, n->first), end = entry_at(fitter, n->first + n->count);
+    for (uint32_t e = first; e < end; e++) {
+        float weight[3] = {fitter->entries[e].weight, fitter->entries[e].weight, fitter->entries[e].weight};
+        if (!add_light(fitter, open, fitter->entries[e].leaf, weight))
+            return false;
+    }
+    bool whole_clusters = fitter->spread && n->first < baker->sample_count;
+    if (whole_clusters) {
+        uint32_t last = n->first + n->count < baker->sample_count ? n->first + n->count : baker->sample_count;
+        for (uint32_t i = baker->sample_cluster[n->first]; i < baker->cluster_count; i++) {
+            const ChiaroNode *cluster = &baker->nodes[baker->clusters[i]];
+            if (cluster->first < n->first || cluster->first + cluster->count > last)
+                break;
+            float weight[3] = {fitter->spread[0][i], fitter->spread[1][i], fitter->spread[2][i]};
+            if (!add_light(fitter, open, baker->clusters[i], weight))
+                return false;
+        }
+    }
+    const float *mean = table_row(fitter, &fitter->truth, node);
+    if (!mean)
+        return false;
+    if (n->count > 1) {
+        for (uint32_t c = 0; c < fitter->task.channels; c++) {
+            uint32_t begin = fitter->begin[c], count = fitter->begin[c + 1] - begin;
+            memcpy(fitter->scratch, open->light + begin, count * sizeof *fitter->scratch);
+            chiaro_axpy(fitter->scratch, -open->own[c], mean + begin, count);
+            open->cost += chiaro_dot(fitter->scratch, fitter->scratch, count);
+        }
+    }
+    return true;
+}
+
+/* What of a node's spread light reaches into a child: a cluster's is spread over its area; above clusters the entries of
+ * the child hold it already. */
+static void inherit(const Fitter *fitter, const Open *open, uint32_t child, float above[3])
+{
+    const Baker *baker = fitter->task.baker;
+    const ChiaroNode *parent = &baker->nodes[open->node], *node = &baker->nodes[child];
+    above[0] = above[1] = above[2] = 0;
+    if (!fitter->spread || parent->first >= baker->sample_count)
+        return;
+    uint32_t cluster = baker->sample_cluster[parent->first];
+    const ChiaroNode *c = &baker->nodes[baker->clusters[cluster]];
+    if (parent->count > c->count)
+        return;
+    for (int k = 0; k < 3; k++) {
+        float whole = parent->count == c->count ? fitter->spread[k][cluster] : open->spread[k];
+        above[k] = whole * node->area / parent->area;
+    }
+}
+
+/* The cut: opens nodes until there are K. Returns how many there are; 0: out of memory. */
+static uint32_t cut(Fitter *fitter)
+{
+    const Baker *baker = fitter->task.baker;
+    const float none[3] = {0, 0, 0};
+    uint32_t count = 0;
+    for (uint32_t k = 0; k <= fitter->task.links; k++)
+        fitter->open[k].light = fitter->light_arena + (size_t)k * (MOST_COLUMNS + 3 * CHIARO_LANES);
+    if (!open_node(fitter, &fitter->open[count++], baker->root, none))
+        return 0;
+    for (;;) {
+        uint32_t worst = 0;
+        for (uint32_t k = 1; k < count; k++) {
+            if (fitter->open[k].cost > fitter->open[worst].cost)
+                worst = k;
+        }
+        bool halves = count == 1 && baker->sky_count && fitter->task.links > 1; /* sky and surfaces keep their own energy */
+        if (count >= fitter->task.links || (!(fitter->open[worst].cost > 0) && !halves))
+            return count;
+        Open parent = fitter->open[worst];
+        const ChiaroNode *node = &baker->nodes[parent.node];
+        float above[3];
+        /* The parent's light is read while the left child is made in a spare place. */
+        Open *left = &fitter->open[count], *right = &fitter->open[worst];
+        inherit(fitter, &parent, node->left, above);
+        if (!open_node(fitter, left, node->left, above))
+            return 0;
+        inherit(fitter, &parent, node->right, above);
+        if (!open_node(fitter, right, node->right, above))
+            return 0;
+        bool left_empty = !(left->own[0] + left->own[1] + left->own[2] + left->spread[0] + left->spread[1] + left->spread[2] > 0);
+        bool right_empty =
+            !(right->own[0] + right->own[1] + right->own[2] + right->spread[0] + right->spread[1] + right->spread[2] > 0);
+        if (right_empty && !left_empty) {
+            Open swap = *right;
+            *right = *left;
+            *left = swap;
+        } else if (!left_empty) {
+            count++;
+        }
+    }
+}
+
+/* Solves A x = b for the unknowns that are active (A symmetric positive definite), by Cholesky. */
+static void solve_active(Fitter *fitter, uint32_t n, const bool *active, const double *b, double *x)
+{
+    double *l = fitter->factor;
+    uint32_t index[CHIARO_MAX_LINKS], m = 0;
+    for (uint32_t i = 0; i < n; i++) {
+        if (active[i])
+            index[m++] = i;
+    }
+    for (uint32_t i = 0; i < m; i++) {
+        for (uint32_t j = 0; j <= i; j++) {
+            double sum = fitter->system[(size_t)index[i] * n + index[j]];
+            for (uint32_t k = 0; k < j; k++)
+                sum -= l[(size_t)i * n + k] * l[(size_t)j * n + k];
+            l[(size_t)i * n + j] = i == j ? sqrt(fmax(sum, 1e-300)) : sum / l[(size_t)j * n + j];
+        }
+    }
+    double y[CHIARO_MAX_LINKS];
+    for (uint32_t i = 0; i < m; i++) {
+        double sum = b[index[i]];
+        for (uint32_t k = 0; k < i; k++)
+            sum -= l[(size_t)i * n + k] * y[k];
+        y[i] = sum / l[(size_t)i * n + i];
+    }
+    for (uint32_t i = m; i-- > 0;) {
+        double sum = y[i];
+        for (uint32_t k = i + 1; k < m; k++)
+            sum -= l[(size_t)k * n + i] * y[k];
+        y[i] = sum / l[(size_t)i * n + i];
+    }
+    for (uint32_t i = 0; i < n; i++)
+        x[i] = 0;
+    for (uint32_t i = 0; i < m; i++)
+        x[index[i]] = y[i];
+}
+
+/* Weights of one channel: ridge regression about the form factors, held at zero or above. */
+static bool fit_channel(Fitter *fitter, uint32_t channel, uint32_t n, const float *prior, float *weights)
+{
+    uint32_t begin = fitter->begin[channel], count = fitter->begin[channel + 1] - begin;
+    double b[CHIARO_MAX_LINKS], x[CHIARO_MAX_LINKS], mean = 0;
+    bool active[CHIARO_MAX_LINKS];
+    for (uint32_t i = 0; i < n; i++) {
+        if (!table_row(fitter, &fitter->feature, fitter->open[i].node))
+            return false;
+        mean += prior[i];
+    }
+    mean /= n;
+    double energy = chiaro_dot(fitter->target + begin, fitter->target + begin, count);
+    double noise = (double)FIT_NOISE * FIT_NOISE * energy;
+    for (uint32_t i = 0; i < n; i++) {
+        const float *row = table_row(fitter, &fitter->feature, fitter->open[i].node) + begin;
+        for (uint32_t j = 0; j <= i; j++) {
+            const float *other = table_row(fitter, &fitter->feature, fitter->open[j].node) + begin;
+            fitter->system[(size_t)i * n + j] = fitter->system[(size_t)j * n + i] = chiaro_dot(row, other, count);
+        }
+        double freedom = prior[i] + FREEDOM_OF_MEAN * mean;
+        double ridge = freedom > 0 ? noise / (freedom * freedom) : 1;
+        b[i] = chiaro_dot(row, fitter->target + begin, count) + ridge * prior[i];
+        fitter->system[(size_t)i * n + i] += ridge + 1e-30;
+        active[i] = true;
+    }
+    for (int round = 0; round < ACTIVE_ROUNDS; round++) {
+        bool negative = false;
+        solve_active(fitter, n, active, b, x);
+        for (uint32_t i = 0; i < n; i++) {
+            if (x[i] < 0)
+                active[i] = false, negative = true;
+        }
+        if (!negative)
+            break;
+    }
+    for (uint32_t i = 0; i < n; i++)
+        weights[i] = (float)fmax(0, x[i]);
+    return true;
+}
+
+/* Scales the weights so that surfaces and sky each add up to what the row receives from a uniform field. */
+static void keep_energy(const Fitter *fitter, const float energy[2], const float *prior, FitLinks *links, float *weights)
+{
+    for (int sky = 0; sky < 2; sky++) {
+        double sum = 0, prior_sum = 0;
+        for (uint32_t k = 0; k < links->count; k++) {
+            const ChiaroNode *node = &fitter->task.baker->nodes[links->nodes[k]];
+            if ((node->first >= fitter->task.baker->sample_count) == sky)
+                sum += weights[k], prior_sum += prior[k];
+        }
+        /* All weights fitted away: back to the form factors. */
+        bool lost = !(sum > 0.5 * energy[sky]);
+        double scale = lost ? (prior_sum > 0 ? energy[sky] / prior_sum : 0) : energy[sky] / sum;
+        for (uint32_t k = 0; k < links->count; k++) {
+            const ChiaroNode *node = &fitter->task.baker->nodes[links->nodes[k]];
+            if ((node->first >= fitter->task.baker->sample_count) == sky)
+                weights[k] = (float)((lost ? prior[k] : weights[k]) * scale);
+        }
+    }
+}
+
+bool chiaro_fitter_fit(Fitter *fitter, const RowEntry *entries, uint32_t entry_count, float *const spread[3],
+                       const float *target, float energy[3][2], FitLinks *links, double error[2])
+{
+    fitter->entries = entries, fitter->entry_count = entry_count, fitter->spread = spread;
+    uint32_t n = cut(fitter);
+    if (n == 0)
+        return false;
+    links->count = n;
+    if (target) {
+        for (uint32_t k = 0; k < fitter->width; k++)
+            fitter->target[k] = target[fitter->columns[k]] * fitter->column_scale[k];
+    } else {
+        memset(fitter->target, 0, fitter->width * sizeof *fitter->target);
+        for (uint32_t k = 0; k < n; k++)
+            chiaro_axpy(fitter->target, 1, fitter->open[k].light, fitter->width);
+    }
+    for (uint32_t k = 0; k < n; k++)
+        links->nodes[k] = fitter->open[k].node;
+    for (uint32_t c = 0; c < fitter->task.channels; c++) {
+        float prior[CHIARO_MAX_LINKS];
+        for (uint32_t k = 0; k < n; k++)
+            prior[k] = fitter->open[k].own[c] + fitter->open[k].spread[c];
+        if (!fit_channel(fitter, c, n, prior, links->weights[c]))
+            return false;
+        keep_energy(fitter, energy[c], prior, links, links->weights[c]);
+        uint32_t begin = fitter->begin[c], count = fitter->begin[c + 1] - begin;
+        memcpy(fitter->scratch, fitter->target + begin, count * sizeof *fitter->scratch);
+        error[1] += chiaro_dot(fitter->scratch, fitter->scratch, count);
+        for (uint32_t k = 0; k < n; k++) {
+            const float *row = table_row(fitter, &fitter->feature, links->nodes[k]) + begin;
+            chiaro_axpy(fitter->scratch, -links->weights[c][k], row, count);
+        }
+        error[0] += chiaro_dot(fitter->scratch, fitter->scratch, count);
+    }
+    return true;
+}

@@ -1,0 +1,28 @@
+/* The two loops that the baker spends its time in. */
+#include "kernels.h"
+
+#if defined(__x86_64__)
+#define WIDE __attribute__((target_clones("avx2", "default")))
+#else
+#define WIDE
+#endif
+
+WIDE float chiaro_dot(const float *a, const float *b, size_t n)
+{
+    float lane[CHIARO_LANES] = {0};
+    for (size_t i = 0; i < n; i += CHIARO_LANES) {
+        for (size_t k = 0; k < CHIARO_LANES; k++)
+            lane[k] += a[i + k] * b[i + k];
+    }
+    for (size_t half = CHIARO_LANES / 2; half; half /= 2) {
+        for (size_t k = 0; k < half; k++)
+            lane[k] += lane[k + half];
+    }
+    return lane[0];
+}
+
+WIDE void chiaro_axpy(float *restrict y, float s, const float *restrict x, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        y[i] += s * x[i];
+}

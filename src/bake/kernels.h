@@ -1,0 +1,14 @@
+/* The two loops that the baker spends its time in. Sixteen fixed lanes, so that any vector width gives the same bits. */
+#ifndef CHIARO_KERNELS_H
+#define CHIARO_KERNELS_H
+
+#include <stddef.h>
+
+enum { CHIARO_LANES = 16 };
+
+/* Sum of a[i] * b[i]; n is a multiple of CHIARO_LANES. */
+float chiaro_dot(const float *a, const float *b, size_t n);
+/* y[i] += s * x[i]; n is a multiple of CHIARO_LANES. */
+void chiaro_axpy(float *restrict y, float s, const float *restrict x, size_t n);
+
+#endif

@@ -1,0 +1,574 @@
+/* The drawn mesh: triangles are split until light can be interpolated over them, and every corner gets a receiver.
+ *
+ * An edge is split if it is long against the distance to what surrounds it (the harmonic mean of the free path, as in
+ * irradiance caching: Ward, Rubinstein, Clear 1988). The decision belongs to the edge, by its place alone, so both sides
+ * agree and no T-junction can open. A triangle with a split edge splits its longest edge too, which keeps it in shape.
+ *
+ * Corners share a receiver if they share place and normal. A receiver that lies inside a solid (a floor under a block)
+ * would bleed its darkness over the triangle's visible part: it moves along an edge to where the triangle comes out.
+ */
+#include "../core/log.h"
+#include "../offline/parallel.h"
+#include "bake.h"
+#include "map.h"
+
+enum { SIZING_RAYS = 32, MAX_ROUNDS = 24, BISECTIONS = 8 };
+
+/* Edge length wanted: this part of the free path there, within limits that follow the number of receivers. */
+static const float EDGE_PART_OF_FREE_PATH = 0.35f, SHORTEST_EDGE = 0.4f, LONGEST_EDGE = 1.5f;
+/* A receiver is moved this part of the way to the middle of its triangles: a corner lies on two walls. */
+static const float INWARD = 0.02f;
+/* More than this share of rays that meet surfaces from behind: the place is inside something. */
+static const float INSIDE = 0.5f;
+
+typedef struct Triangle {
+    uint32_t vertex[3];
+    uint32_t part;
+} Triangle;
+
+typedef struct Edge {
+    uint32_t a, b;   /* places */
+    Vec3 normal;     /* of one triangle at it */
+    float wanted;    /* length, from that triangle's side */
+} Edge;
+
+typedef struct Mesh {
+    Baker *baker;
+    ChiaroVertex *vertices;
+    uint32_t *vertex_place;
+    Vec3 *places;
+    Triangle *triangles;
+    Edge *edges;
+    uint32_t vertex_count, vertex_capacity, place_count, place_capacity, triangle_count, triangle_capacity;
+    uint32_t edge_count, edge_capacity;
+    Map settled; /* edges that were found short enough */
+    float unit; /* edge of a square of the mean area a receiver */
+    RowScratch *scratch; /* one a thread */
+} Mesh;
+
+/* Makes room for one more in `array`; NULL: out of memory, and the array stays as it was. */
+static void *reserve(void *array, uint32_t count, uint32_t *capacity, size_t size)
+{
+    if (count < *capacity)
+        return array;
+    uint32_t wanted = *capacity ? *capacity * 2 : 4096;
+    void *grown = realloc(array, wanted * size);
+    if (grown)
+        *capacity = wanted;
+    return grown;
+}
+
+static uint32_t add_vertex(Mesh *mesh, const ChiaroVertex *vertex, uint32_t place)
+{
+    uint32_t capacity = mesh->vertex_capacity;
+    ChiaroVertex *vertices = reserve(mesh->vertices, mesh->vertex_count, &capacity, sizeof *vertices);
+    if (!vertices)
+        return CHIARO_NONE;
+    mesh->vertices = vertices;
+    uint32_t *places = reserve(mesh->vertex_place, mesh->vertex_count, &mesh->vertex_capacity, sizeof *places);
+    if (!places)
+        return CHIARO_NONE;
+    mesh->vertex_place = places;
+    mesh->vertices[mesh->vertex_count] = *vertex;
+    mesh->vertex_place[mesh->vertex_count] = place;
+    return mesh->vertex_count++;
+}
+
+static uint32_t add_place(Mesh *mesh, Vec3 place)
+{
+    Vec3 *places = reserve(mesh->places, mesh->place_count, &mesh->place_capacity, sizeof *places);
+    if (!places)
+        return CHIARO_NONE;
+    mesh->places = places;
+    mesh->places[mesh->place_count] = place;
+    return mesh->place_count++;
+}
+
+static bool add_triangle(Mesh *mesh, uint32_t a, uint32_t b, uint32_t c, uint32_t part)
+{
+    if (a == CHIARO_NONE || b == CHIARO_NONE || c == CHIARO_NONE)
+        return false;
+    Triangle *triangles = reserve(mesh->triangles, mesh->triangle_count, &mesh->triangle_capacity, sizeof *triangles);
+    if (!triangles)
+        return false;
+    mesh->triangles = triangles;
+    mesh->triangles[mesh->triangle_count++] = (Triangle){{a, b, c}, part};
+    return true;
+}
+
+static Vec3 corner(const Mesh *mesh, const Triangle *t, int k) { return mesh->places[mesh->vertex_place[t->vertex[k]]]; }
+
+/* Twice the area along the normal. */
+static Vec3 triangle_cross(const Mesh *mesh, const Triangle *t)
+{
+    return vec3_cross(vec3_sub(corner(mesh, t, 1), corner(mesh, t, 0)), vec3_sub(corner(mesh, t, 2), corner(mesh, t, 0)));
+}
+
+/* Vertices of the scene that are used, welded by place, and its triangles that have an area. */
+static bool load(Mesh *mesh)
+{
+    const Baker *baker = mesh->baker;
+    const ChiaroScene *scene = baker->scene;
+    Map weld = {0};
+    uint32_t *renamed = malloc(scene->vertex_count * sizeof *renamed);
+    bool ok = renamed != NULL;
+    for (uint32_t v = 0; ok && v < scene->vertex_count; v++)
+        renamed[v] = CHIARO_NONE;
+    for (uint32_t t = 0; ok && t < scene->index_count / 3; t++) {
+        if (!baker->patches.triangle_edge[t])
+            continue;
+        uint32_t vertex[3];
+        for (uint32_t k = 0; ok && k < 3; k++) {
+            uint32_t v = scene->indices[3 * t + k];
+            if (renamed[v] == CHIARO_NONE) {
+                Vec3 p = vec3_load(scene->vertices[v].position);
+                p = vec3_add(p, vec3(0, 0, 0)); /* -0 is 0 */
+                uint32_t bits[3];
+                memcpy(bits, &p, sizeof bits);
+                uint64_t key = chiaro_random_mix(chiaro_random_mix(bits[0] | (uint64_t)bits[1] << 32) ^ bits[2]) >> 1;
+                uint32_t *place = map_at(&weld, key, mesh->place_count);
+                ok = place && (*place != mesh->place_count || add_place(mesh, p) != CHIARO_NONE);
+                if (ok)
+                    renamed[v] = add_vertex(mesh, &scene->vertices[v], *place);
+            }
+            vertex[k] = renamed[v];
+        }
+        ok = ok && add_triangle(mesh, vertex[0], vertex[1], vertex[2], baker->patches.triangle_part[t]);
+    }
+    free(renamed);
+    map_free(&weld);
+    return ok;
+}
+
+static void size_edges(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    Mesh *mesh = user;
+    const Baker *baker = mesh->baker;
+    for (uint32_t e = begin; e < end; e++) {
+        Edge *edge = &mesh->edges[e];
+        Vec3 middle = vec3_scale(vec3_add(mesh->places[edge->a], mesh->places[edge->b]), 0.5f);
+        RowFacts facts;
+        chiaro_row_trace(baker, middle, edge->normal, edge->normal, SIZING_RAYS, 0x20000000u + e,
+                         &mesh->scratch[thread], &facts);
+        float wanted = EDGE_PART_OF_FREE_PATH * facts.free_path;
+        /* Inside a solid nobody looks, but the edge that leads out of it matters. */
+        edge->wanted = facts.behind > 0.9f ? INFINITY : fmaxf(SHORTEST_EDGE * mesh->unit, wanted);
+        edge->wanted = fminf(edge->wanted, LONGEST_EDGE * mesh->unit);
+    }
+}
+
+static float edge_length(const Mesh *mesh, uint32_t a, uint32_t b)
+{
+    return vec3_length(vec3_sub(mesh->places[a], mesh->places[b]));
+}
+
+static uint64_t triangle_edge(const Mesh *mesh, const Triangle *t, int k)
+{
+    return map_pair(mesh->vertex_place[t->vertex[k]], mesh->vertex_place[t->vertex[(k + 1) % 3]]);
+}
+
+enum { EDGE_KEPT = UINT32_MAX, EDGE_SPLIT = UINT32_MAX - 1 }; /* values of the map of edges; else: the middle's place */
+
+/* Marks the edges that are too long, in a map from edges to EDGE_*. Returns how many; -1: out of memory. */
+static int64_t mark_edges(Mesh *mesh, Map *marks)
+{
+    const Baker *baker = mesh->baker;
+    int64_t marked = 0;
+    mesh->edge_count = 0;
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        const Triangle *triangle = &mesh->triangles[t];
+        Vec3 normal = vec3_normalize(triangle_cross(mesh, triangle));
+        for (int k = 0; k < 3; k++) {
+            uint32_t a = mesh->vertex_place[triangle->vertex[k]], b = mesh->vertex_place[triangle->vertex[(k + 1) % 3]];
+            float length = edge_length(mesh, a, b);
+            if (length <= SHORTEST_EDGE * mesh->unit || !(vec3_dot(normal, normal) > 0))
+                continue;
+            if (length > LONGEST_EDGE * mesh->unit) {
+                uint32_t *mark = map_at(marks, map_pair(a, b), EDGE_KEPT);
+                if (!mark)
+                    return -1;
+                marked += *mark == EDGE_KEPT;
+                *mark = EDGE_SPLIT;
+                continue;
+            }
+            uint32_t *settled = map_at(&mesh->settled, map_pair(a, b), 0);
+            if (!settled)
+                return -1;
+            if (*settled)
+                continue;
+            Edge *edges = reserve(mesh->edges, mesh->edge_count, &mesh->edge_capacity, sizeof *edges);
+            if (!edges)
+                return -1;
+            mesh->edges = edges;
+            mesh->edges[mesh->edge_count++] = (Edge){a, b, normal, 0};
+        }
+    }
+    chiaro_parallel_for(baker->desc.threads, mesh->edge_count, 64, size_edges, mesh, NULL, NULL);
+    for (uint32_t e = 0; e < mesh->edge_count; e++) {
+        const Edge *edge = &mesh->edges[e];
+        uint64_t key = map_pair(edge->a, edge->b);
+        uint32_t *mark = map_at(marks, key, EDGE_KEPT), *settled = map_at(&mesh->settled, key, 0);
+        if (!mark || !settled)
+            return -1;
+        *settled = 1; /* split edges are never met again */
+        if (*mark == EDGE_KEPT && edge_length(mesh, edge->a, edge->b) > edge->wanted)
+            *mark = EDGE_SPLIT, marked++;
+    }
+    /* Longest edges of touched triangles, until nothing changes. */
+    for (bool changed = marked > 0; changed;) {
+        changed = false;
+        for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+            const Triangle *triangle = &mesh->triangles[t];
+            uint32_t *mark[3];
+            float longest = -1;
+            int at = 0, any = 0;
+            for (int k = 0; k < 3; k++) {
+                if (!map_at(marks, triangle_edge(mesh, triangle, k), EDGE_KEPT))
+                    return -1;
+            }
+            for (int k = 0; k < 3; k++) {
+                mark[k] = map_at(marks, triangle_edge(mesh, triangle, k), EDGE_KEPT);
+                float length = edge_length(mesh, mesh->vertex_place[triangle->vertex[k]],
+                                           mesh->vertex_place[triangle->vertex[(k + 1) % 3]]);
+                if (length > longest)
+                    longest = length, at = k;
+                any += *mark[k] == EDGE_SPLIT;
+            }
+            if (any && *mark[at] != EDGE_SPLIT)
+                *mark[at] = EDGE_SPLIT, marked++, changed = true;
+        }
+    }
+    return marked;
+}
+
+static ChiaroVertex middle_vertex(const ChiaroVertex *a, const ChiaroVertex *b, Vec3 place)
+{
+    ChiaroVertex m;
+    vec3_store(m.position, place);
+    Vec3 n = vec3_add(vec3_load(a->normal), vec3_load(b->normal));
+    vec3_store(m.normal, vec3_dot(n, n) > 1e-6f ? vec3_normalize(n) : vec3_load(a->normal));
+    for (int k = 0; k < 2; k++) {
+        m.uv[k] = (a->uv[k] + b->uv[k]) / 2;
+        m.emission_uv[k] = (a->emission_uv[k] + b->emission_uv[k]) / 2;
+    }
+    for (int k = 0; k < 4; k++)
+        m.color[k] = (a->color[k] + b->color[k]) / 2;
+    return m;
+}
+
+/* The vertex in the middle of a triangle's edge, made once for each pair of vertices; CHIARO_NONE: not split, or (`ok`
+ * cleared) out of memory. */
+static uint32_t middle(Mesh *mesh, Map *marks, Map *middles, uint32_t a, uint32_t b, bool *ok)
+{
+    uint32_t place_a = mesh->vertex_place[a], place_b = mesh->vertex_place[b];
+    uint32_t *mark = map_at(marks, map_pair(place_a, place_b), EDGE_KEPT);
+    if (!mark)
+        *ok = false;
+    if (!mark || *mark == EDGE_KEPT)
+        return CHIARO_NONE;
+    if (*mark == EDGE_SPLIT)
+        *mark = add_place(mesh, vec3_scale(vec3_add(mesh->places[place_a], mesh->places[place_b]), 0.5f));
+    uint32_t place = *mark, *known = map_at(middles, map_pair(a, b), CHIARO_NONE);
+    if (place == CHIARO_NONE || !known) {
+        *ok = false;
+        return CHIARO_NONE;
+    }
+    if (*known == CHIARO_NONE) {
+        ChiaroVertex vertex = middle_vertex(&mesh->vertices[a], &mesh->vertices[b], mesh->places[place]);
+        *known = add_vertex(mesh, &vertex, place);
+        *ok = *ok && *known != CHIARO_NONE;
+    }
+    return *known;
+}
+
+static bool split_triangles(Mesh *mesh, Map *marks)
+{
+    Map middles = {0};
+    Triangle *old = mesh->triangles;
+    uint32_t count = mesh->triangle_count;
+    bool ok = true;
+    mesh->triangles = NULL, mesh->triangle_count = mesh->triangle_capacity = 0;
+    for (uint32_t t = 0; ok && t < count; t++) {
+        uint32_t part = old[t].part, v[3], m[3];
+        int split = 0, longest = 0;
+        float length = -1;
+        for (int k = 0; k < 3; k++) {
+            float l = edge_length(mesh, mesh->vertex_place[old[t].vertex[k]], mesh->vertex_place[old[t].vertex[(k + 1) % 3]]);
+            if (l > length)
+                length = l, longest = k;
+        }
+        /* Turned so that the longest edge comes first. */
+        for (int k = 0; k < 3; k++)
+            v[k] = old[t].vertex[(longest + k) % 3];
+        for (int k = 0; k < 3; k++) {
+            m[k] = middle(mesh, marks, &middles, v[k], v[(k + 1) % 3], &ok);
+            split += m[k] != CHIARO_NONE;
+        }
+        if (!ok)
+            break;
+        if (split == 0) {
+            ok = add_triangle(mesh, v[0], v[1], v[2], part);
+        } else if (split == 3) {
+            ok = add_triangle(mesh, v[0], m[0], m[2], part) && add_triangle(mesh, m[0], v[1], m[1], part) &&
+                 add_triangle(mesh, m[2], m[1], v[2], part) && add_triangle(mesh, m[0], m[1], m[2], part);
+        } else {
+            /* The longest edge is split for certain: cut from its middle to the far corner, then each half. */
+            if (m[1] != CHIARO_NONE)
+                ok = add_triangle(mesh, m[0], v[1], m[1], part) && add_triangle(mesh, m[0], m[1], v[2], part);
+            else
+                ok = add_triangle(mesh, m[0], v[1], v[2], part);
+            if (ok && m[2] != CHIARO_NONE)
+                ok = add_triangle(mesh, m[0], v[2], m[2], part) && add_triangle(mesh, m[0], m[2], v[0], part);
+            else if (ok)
+                ok = add_triangle(mesh, m[0], v[2], v[0], part);
+        }
+    }
+    free(old);
+    map_free(&middles);
+    return ok;
+}
+
+/* --- receivers --- */
+
+typedef struct Draft {
+    Vec3 place, normal, plane, inward; /* inward: sum of the centres of its triangles */
+    uint32_t triangles;
+    bool inside;
+    float moved; /* how far along which edge it came out of a solid */
+    Vec3 outside;
+    uint64_t morton;
+    uint32_t index;
+} Draft;
+
+typedef struct Receivers {
+    Mesh *mesh;
+    Draft *drafts;
+    uint32_t *of_vertex;
+    uint32_t count;
+} Receivers;
+
+static uint64_t spread_bits(uint64_t x)
+{
+    x &= 0x1fffff;
+    x = (x | x << 32) & 0x1f00000000ffffu;
+    x = (x | x << 16) & 0x1f0000ff0000ffu;
+    x = (x | x << 8) & 0x100f00f00f00f00fu;
+    x = (x | x << 4) & 0x10c30c30c30c30c3u;
+    return (x | x << 2) & 0x1249249249249249u;
+}
+
+static uint64_t morton_code(const Baker *baker, Vec3 p)
+{
+    Vec3 low = vec3_load(baker->info.bounds_min), size = vec3_sub(vec3_load(baker->info.bounds_max), low);
+    float scale = 2097151.0f / fmaxf(vec3_max(size), 1e-30f);
+    Vec3 q = vec3_scale(vec3_sub(p, low), scale);
+    return spread_bits((uint64_t)q.x) | spread_bits((uint64_t)q.y) << 1 | spread_bits((uint64_t)q.z) << 2;
+}
+
+static bool draft_receivers(Receivers *receivers)
+{
+    Mesh *mesh = receivers->mesh;
+    Map known = {0};
+    bool ok = true;
+    receivers->of_vertex = malloc(mesh->vertex_count * sizeof *receivers->of_vertex);
+    receivers->drafts = calloc(mesh->vertex_count, sizeof *receivers->drafts);
+    ok = receivers->of_vertex && receivers->drafts;
+    for (uint32_t v = 0; ok && v < mesh->vertex_count; v++) {
+        Vec3 n = vec3_load(mesh->vertices[v].normal);
+        uint64_t key = (uint64_t)mesh->vertex_place[v] << 31 | (uint64_t)((int)lrintf(n.x * 511) + 511) << 20 |
+                       (uint64_t)((int)lrintf(n.y * 511) + 511) << 10 | (uint64_t)((int)lrintf(n.z * 511) + 511);
+        uint32_t *index = map_at(&known, key, receivers->count);
+        ok = index != NULL;
+        if (ok && *index == receivers->count) {
+            Draft *draft = &receivers->drafts[receivers->count++];
+            draft->place = mesh->places[mesh->vertex_place[v]], draft->normal = n, draft->moved = INFINITY;
+        }
+        if (ok)
+            receivers->of_vertex[v] = *index;
+    }
+    map_free(&known);
+    for (uint32_t t = 0; ok && t < mesh->triangle_count; t++) {
+        const Triangle *triangle = &mesh->triangles[t];
+        Vec3 cross = triangle_cross(mesh, triangle), center = {0, 0, 0};
+        for (int k = 0; k < 3; k++)
+            center = vec3_mad(center, corner(mesh, triangle, k), 1.0f / 3);
+        for (int k = 0; k < 3; k++) {
+            Draft *draft = &receivers->drafts[receivers->of_vertex[triangle->vertex[k]]];
+            draft->plane = vec3_add(draft->plane, cross);
+            draft->inward = vec3_add(draft->inward, vec3_sub(center, draft->place));
+            draft->triangles++;
+        }
+    }
+    for (uint32_t r = 0; ok && r < receivers->count; r++) {
+        Draft *draft = &receivers->drafts[r];
+        draft->plane = vec3_normalize(draft->plane);
+        if (draft->triangles)
+            draft->place = vec3_mad(draft->place, draft->inward, INWARD / (float)draft->triangles);
+        if (!(vec3_dot(draft->plane, draft->normal) > 0.05f))
+            draft->normal = draft->plane; /* a normal that points into the surface gets no light at all */
+    }
+    return ok;
+}
+
+static bool is_inside(const Mesh *mesh, Vec3 place, Vec3 normal, uint32_t stream, uint32_t thread)
+{
+    RowFacts facts;
+    chiaro_row_trace(mesh->baker, place, normal, normal, SIZING_RAYS, stream, &mesh->scratch[thread], &facts);
+    return facts.behind > INSIDE;
+}
+
+static void find_inside(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    Receivers *receivers = user;
+    for (uint32_t r = begin; r < end; r++) {
+        Draft *draft = &receivers->drafts[r];
+        draft->inside = is_inside(receivers->mesh, draft->place, draft->plane, 0x40000000u + r, thread);
+    }
+}
+
+/* Moves receivers inside solids to where the nearest edge comes out. */
+static void move_outside(Receivers *receivers)
+{
+    Mesh *mesh = receivers->mesh;
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        for (int k = 0; k < 6; k++) {
+            uint32_t from = mesh->triangles[t].vertex[k % 3], to = mesh->triangles[t].vertex[(k + 1 + k / 3) % 3];
+            Draft *hidden = &receivers->drafts[receivers->of_vertex[from]];
+            const Draft *open = &receivers->drafts[receivers->of_vertex[to]];
+            if (!hidden->inside || open->inside)
+                continue;
+            float low = 0, high = 1;
+            for (uint32_t step = 0; step < BISECTIONS; step++) {
+                float half = (low + high) / 2;
+                Vec3 place = vec3_mad(vec3_scale(hidden->place, 1 - half), open->place, half);
+                if (is_inside(mesh, place, hidden->plane, 0x60000000u + step, 0))
+                    low = half;
+                else
+                    high = half;
+            }
+            high += (1 - high) * 0.05f;
+            float distance = high * vec3_length(vec3_sub(open->place, hidden->place));
+            if (distance < hidden->moved) {
+                hidden->moved = distance;
+                hidden->outside = vec3_mad(vec3_scale(hidden->place, 1 - high), open->place, high);
+            }
+        }
+    }
+    for (uint32_t r = 0; r < receivers->count; r++) {
+        if (receivers->drafts[r].moved < INFINITY)
+            receivers->drafts[r].place = receivers->drafts[r].outside;
+    }
+}
+
+static int compare_drafts(const void *a, const void *b)
+{
+    const Draft *x = a, *y = b;
+    if (x->morton != y->morton)
+        return x->morton < y->morton ? -1 : 1;
+    return x->index < y->index ? -1 : x->index > y->index;
+}
+
+/* Hands the mesh over to the baker, triangles grouped by part, receivers in the order of a space-filling curve. */
+static bool finish(Receivers *receivers)
+{
+    Mesh *mesh = receivers->mesh;
+    Baker *baker = mesh->baker;
+    uint32_t parts = baker->scene->part_count, n = receivers->count;
+    uint32_t *renamed = malloc(n * sizeof *renamed);
+    baker->parts = calloc(parts, sizeof *baker->parts);
+    baker->indices = malloc(3 * (size_t)mesh->triangle_count * sizeof *baker->indices);
+    baker->receivers = calloc(n, sizeof *baker->receivers);
+    baker->receiver_plane = malloc(n * sizeof *baker->receiver_plane);
+    if (!renamed || !baker->parts || !baker->indices || !baker->receivers || !baker->receiver_plane) {
+        free(renamed);
+        return false;
+    }
+    for (uint32_t r = 0; r < n; r++) {
+        receivers->drafts[r].index = r;
+        receivers->drafts[r].morton = morton_code(baker, receivers->drafts[r].place);
+    }
+    qsort(receivers->drafts, n, sizeof *receivers->drafts, compare_drafts);
+    for (uint32_t r = 0; r < n; r++) {
+        const Draft *draft = &receivers->drafts[r];
+        renamed[draft->index] = r;
+        vec3_store(baker->receivers[r].position, draft->place);
+        vec3_store(baker->receivers[r].normal, draft->normal);
+        baker->receiver_plane[r] = draft->plane;
+    }
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        receivers->of_vertex[v] = renamed[receivers->of_vertex[v]];
+    free(renamed);
+    for (uint32_t t = 0; t < mesh->triangle_count; t++)
+        baker->parts[mesh->triangles[t].part].index_count += 3;
+    uint32_t next = 0;
+    for (uint32_t p = 0; p < parts; p++) {
+        uint32_t count = baker->parts[p].index_count;
+        baker->parts[p] = baker->scene->parts[p];
+        baker->parts[p].first_index = next, baker->parts[p].index_count = 0;
+        next += count;
+    }
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        ChiaroPart *part = &baker->parts[mesh->triangles[t].part];
+        memcpy(baker->indices + part->first_index + part->index_count, mesh->triangles[t].vertex, 3 * sizeof(uint32_t));
+        part->index_count += 3;
+    }
+    baker->index_count = next;
+    baker->receiver_count = n;
+    baker->vertex_count = mesh->vertex_count;
+    baker->vertices = mesh->vertices, mesh->vertices = NULL;
+    baker->vertex_receivers = receivers->of_vertex, receivers->of_vertex = NULL;
+    return true;
+}
+
+ChiaroResult chiaro_bake_mesh(Baker *baker)
+{
+    uint32_t threads = baker->desc.threads;
+    Mesh mesh = {.baker = baker, .unit = (float)sqrt(baker->patches.area / baker->desc.receivers)};
+    Receivers receivers = {.mesh = &mesh};
+    ChiaroResult result = CHIARO_ERROR_MEMORY;
+    mesh.scratch = calloc(threads, sizeof *mesh.scratch);
+    for (uint32_t t = 0; mesh.scratch && t < threads; t++) {
+        if (!chiaro_row_scratch_create(baker, SIZING_RAYS, &mesh.scratch[t]))
+            goto done;
+    }
+    if (!mesh.scratch || !load(&mesh))
+        goto done;
+    for (uint32_t round = 0; round < MAX_ROUNDS; round++) {
+        Map marks = {0};
+        int64_t marked = mark_edges(&mesh, &marks);
+        bool ok = marked >= 0 && (marked == 0 || split_triangles(&mesh, &marks));
+        map_free(&marks);
+        if (!ok)
+            goto done;
+        if (!chiaro_bake_progress((float)round / MAX_ROUNDS, baker)) {
+            result = CHIARO_ERROR_INTERRUPTED;
+            goto done;
+        }
+        if (marked == 0)
+            break;
+        /* Far more than was asked for: thin surroundings everywhere. What remains is interpolated over longer edges. */
+        if (mesh.vertex_count > 3 * baker->desc.receivers) {
+            chiaro_log_write(&baker->desc.log, CHIARO_LOG_WARNING, CHIARO_LOG_BAKE_LIMIT,
+                             "the mesh stays coarser than wished at %u vertices", mesh.vertex_count);
+            break;
+        }
+    }
+    if (!draft_receivers(&receivers))
+        goto done;
+    chiaro_parallel_for(threads, receivers.count, 64, find_inside, &receivers, NULL, NULL);
+    move_outside(&receivers);
+    result = finish(&receivers) ? CHIARO_OK : CHIARO_ERROR_MEMORY;
+done:
+    for (uint32_t t = 0; mesh.scratch && t < threads; t++)
+        chiaro_row_scratch_destroy(&mesh.scratch[t]);
+    free(mesh.scratch);
+    free(mesh.vertices);
+    free(mesh.vertex_place);
+    free(mesh.places);
+    free(mesh.triangles);
+    free(mesh.edges);
+    map_free(&mesh.settled);
+    free(receivers.drafts);
+    free(receivers.of_vertex);
+    return result;
+}

@@ -1,0 +1,63 @@
+/* The baked block, written: the mirror of chiaro_transport_open(). */
+#include "../core/transport.h"
+#include "bake.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+ChiaroResult chiaro_bake_write(Baker *baker, ChiaroBlob *blob)
+{
+    ChiaroTransport t = {
+        .info = baker->info,
+        .scene = *baker->scene,
+        .samples = baker->samples,
+        .points = baker->points,
+        .leaf_weights = baker->leaf_weights,
+        .sky_directions = baker->sky_directions,
+        .nodes = baker->nodes,
+        .sample_links = baker->sample_links,
+        .sample_scales = baker->sample_scales,
+        .receivers = baker->receivers,
+        .receiver_links = baker->receiver_links,
+        .receiver_scales = baker->receiver_scales,
+        .vertices = baker->vertices,
+        .vertex_receivers = baker->vertex_receivers,
+        .indices = baker->indices,
+        .parts = baker->parts,
+        .sample_count = baker->sample_count,
+        .point_count = baker->point_count,
+        .sky_count = baker->sky_count,
+        .leaf_count = baker->leaf_count,
+        .node_count = baker->node_count,
+        .receiver_count = baker->receiver_count,
+        .vertex_count = baker->vertex_count,
+        .index_count = baker->index_count,
+        .small_node_end = baker->small_node_end,
+        .part_count = baker->scene->part_count,
+    };
+    ChiaroFileArray arrays[CHIARO_FILE_ARRAYS];
+    chiaro_file_arrays(&t, arrays);
+    uint64_t size = chiaro_file_align(sizeof(ChiaroFileHeader));
+    for (uint32_t k = 0; k < CHIARO_FILE_ARRAYS; k++)
+        size = chiaro_file_align(size + arrays[k].count * arrays[k].stride);
+    char *data = calloc(1, size);
+    if (!data)
+        return CHIARO_ERROR_MEMORY;
+    ChiaroFileHeader *header = (ChiaroFileHeader *)(void *)data;
+    memcpy(header->magic, CHIARO_FILE_MAGIC, sizeof header->magic);
+    header->version = CHIARO_FILE_VERSION;
+    header->endian = CHIARO_FILE_ENDIAN;
+    header->size = size;
+    header->info = baker->info;
+    chiaro_file_store_counts(&t, header->counts);
+    uint64_t offset = chiaro_file_align(sizeof *header);
+    for (uint32_t k = 0; k < CHIARO_FILE_ARRAYS; k++) {
+        size_t bytes = arrays[k].count * arrays[k].stride;
+        if (bytes)
+            memcpy(data + offset, *arrays[k].slot, bytes);
+        offset = chiaro_file_align(offset + bytes);
+    }
+    header->checksum = chiaro_file_checksum(data, size);
+    *blob = (ChiaroBlob){data, size};
+    return CHIARO_OK;
+}

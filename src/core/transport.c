@@ -1,0 +1,233 @@
+/* The baked block, read in place. Nothing in it is trusted: every offset, index, count and number is checked here, once,
+ * so that what runs each frame need not.
+ */
+#include "transport.h"
+
+#include "chiaro_shared.h"
+#include "log.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+uint64_t chiaro_link_words(uint32_t rows, uint32_t links)
+{
+    return ((uint64_t)rows + CHIARO_LINK_BLOCK - 1) / CHIARO_LINK_BLOCK * CHIARO_LINK_BLOCK * links;
+}
+
+void chiaro_file_arrays(ChiaroTransport *t, ChiaroFileArray arrays[CHIARO_FILE_ARRAYS])
+{
+    uint32_t n = 0;
+#define ARRAY(pointer, number) \
+    arrays[n++] = (ChiaroFileArray){(const void **)(void *)&t->pointer, number, sizeof *t->pointer}
+    ARRAY(samples, t->sample_count);
+    ARRAY(points, t->point_count);
+    ARRAY(leaf_weights, t->leaf_count);
+    ARRAY(sky_directions, 4 * (uint64_t)t->sky_count);
+    ARRAY(nodes, t->node_count);
+    ARRAY(sample_links, chiaro_link_words(t->sample_count, t->info.sample_links));
+    ARRAY(sample_scales, 4 * (uint64_t)t->sample_count);
+    ARRAY(receivers, t->receiver_count);
+    ARRAY(receiver_links, chiaro_link_words(t->receiver_count, t->info.receiver_links));
+    ARRAY(receiver_scales, t->receiver_count);
+    ARRAY(vertices, t->vertex_count);
+    ARRAY(vertex_receivers, t->vertex_count);
+    ARRAY(indices, t->index_count);
+    ARRAY(parts, t->part_count);
+    ARRAY(scene.vertices, t->scene.vertex_count);
+    ARRAY(scene.indices, t->scene.index_count);
+    ARRAY(scene.parts, t->scene.part_count);
+    ARRAY(scene.materials, t->scene.material_count);
+    ARRAY(scene.textures, t->scene.texture_count);
+    ARRAY(scene.lights, t->scene.light_count);
+    ARRAY(scene.cameras, t->scene.camera_count);
+    ARRAY(scene.pixels, t->scene.pixel_bytes);
+#undef ARRAY
+}
+
+/* Every 32-bit count, in file order. */
+#define COUNTS(X)                                                                                                      \
+    X(sample_count) X(point_count) X(sky_count) X(leaf_count) X(node_count) X(receiver_count) X(vertex_count)          \
+    X(index_count) X(small_node_end) X(part_count) X(scene.vertex_count) X(scene.index_count) X(scene.part_count)      \
+    X(scene.material_count) X(scene.texture_count) X(scene.light_count) X(scene.camera_count)
+
+void chiaro_file_store_counts(const ChiaroTransport *transport, uint64_t counts[CHIARO_FILE_COUNTS])
+{
+    uint32_t n = 0;
+    memset(counts, 0, CHIARO_FILE_COUNTS * sizeof *counts);
+#define X(field) counts[n++] = transport->field;
+    COUNTS(X)
+#undef X
+    counts[n] = transport->scene.pixel_bytes;
+}
+
+bool chiaro_file_load_counts(ChiaroTransport *transport, const uint64_t counts[CHIARO_FILE_COUNTS])
+{
+    uint32_t n = 0;
+    bool fits = true;
+#define X(field)                                                                                                       \
+    fits = fits && counts[n] < UINT32_MAX;                                                                             \
+    transport->field = (uint32_t)counts[n++];
+    COUNTS(X)
+#undef X
+    transport->scene.pixel_bytes = counts[n];
+    return fits && counts[n] < (uint64_t)1 << 40;
+}
+
+uint64_t chiaro_file_align(uint64_t offset)
+{
+    return (offset + CHIARO_FILE_ALIGNMENT - 1) / CHIARO_FILE_ALIGNMENT * CHIARO_FILE_ALIGNMENT;
+}
+
+uint64_t chiaro_file_checksum(const void *data, size_t size)
+{
+    /* FNV-1a over 64-bit words, with a shift so that high bits reach low ones. */
+    uint64_t sum = 0xcbf29ce484222325u;
+    size_t begin = offsetof(ChiaroFileHeader, checksum) + sizeof(uint64_t);
+    for (size_t i = begin; i + 8 <= size; i += 8) {
+        uint64_t word;
+        memcpy(&word, (const char *)data + i, 8);
+        sum = (sum ^ word) * 0x100000001b3u;
+        sum ^= sum >> 29;
+    }
+    return sum;
+}
+
+static bool fault(const ChiaroLog *log, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+static bool fault(const ChiaroLog *log, const char *format, ...)
+{
+    char text[256];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    chiaro_log_write(log, CHIARO_LOG_ERROR, CHIARO_LOG_DATA_INVALID, "%s", text);
+    return false;
+}
+
+static bool all_finite(const float *values, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        if (!isfinite(values[i]))
+            return false;
+    }
+    return true;
+}
+
+static bool nodes_sound(const ChiaroTransport *t, const ChiaroLog *log)
+{
+    if (t->leaf_count != (uint64_t)t->sample_count + t->sky_count || t->node_count < t->leaf_count ||
+        t->node_count > CHIARO_LINK_NODE_MASK || t->small_node_end < t->leaf_count || t->small_node_end > t->node_count)
+        return fault(log, "counts of samples, leaves and nodes do not agree");
+    for (uint32_t n = 0; n < t->node_count; n++) {
+        const ChiaroNode *node = &t->nodes[n];
+        bool leaf = n < t->leaf_count;
+        uint32_t below = leaf ? t->leaf_count : n < t->small_node_end ? t->leaf_count : t->small_node_end;
+        if ((uint64_t)node->first + node->count > t->leaf_count || node->count == 0 || node->source_count == 0 ||
+            (uint64_t)node->source_first + node->source_count > below || node->left >= t->node_count ||
+            node->right >= t->node_count || !(node->area >= 0))
+            return fault(log, "node %u points outside the tree", n);
+    }
+    return true;
+}
+
+static bool samples_sound(const ChiaroTransport *t, const ChiaroLog *log)
+{
+    for (uint32_t s = 0; s < t->sample_count; s++) {
+        const ChiaroSample *sample = &t->samples[s];
+        if ((uint64_t)sample->first_point + sample->point_count > t->point_count)
+            return fault(log, "sample %u has points that do not exist", s);
+        for (int c = 0; c < 3; c++) {
+            if (!(sample->albedo[c] >= 0 && sample->albedo[c] <= 1) || !(sample->emission[c] >= 0) ||
+                !isfinite(sample->emission[c]))
+                return fault(log, "sample %u has an impossible colour", s);
+        }
+    }
+    return (all_finite((const float *)t->points, (size_t)t->point_count * 8) &&
+            all_finite(t->leaf_weights, t->leaf_count) && all_finite(t->sky_directions, 4 * (size_t)t->sky_count)) ||
+           fault(log, "points or leaves hold numbers that are not finite");
+}
+
+static bool links_sound(const ChiaroTransport *t, const ChiaroLog *log)
+{
+    uint64_t words = chiaro_link_words(t->sample_count, t->info.sample_links);
+    for (uint64_t k = 0; k < words; k++) {
+        if ((t->sample_links[k].node_red & CHIARO_LINK_NODE_MASK) >= t->node_count)
+            return fault(log, "a sample link points outside the tree");
+    }
+    words = chiaro_link_words(t->receiver_count, t->info.receiver_links);
+    for (uint64_t k = 0; k < words; k++) {
+        if ((t->receiver_links[k] & CHIARO_LINK_NODE_MASK) >= t->node_count)
+            return fault(log, "a receiver link points outside the tree");
+    }
+    return (all_finite(t->sample_scales, 4 * (size_t)t->sample_count) &&
+            all_finite(t->receiver_scales, t->receiver_count)) ||
+           fault(log, "links hold weights that are not finite");
+}
+
+static bool mesh_sound(const ChiaroTransport *t, const ChiaroLog *log)
+{
+    if (t->part_count != t->scene.part_count)
+        return fault(log, "the drawn mesh and the scene differ in parts");
+    for (uint32_t p = 0; p < t->part_count; p++) {
+        if ((uint64_t)t->parts[p].first_index + t->parts[p].index_count > t->index_count ||
+            t->parts[p].index_count % 3 != 0 || t->parts[p].material >= t->scene.material_count)
+            return fault(log, "part %u of the drawn mesh is out of range", p);
+    }
+    for (uint32_t i = 0; i < t->index_count; i++) {
+        if (t->indices[i] >= t->vertex_count)
+            return fault(log, "an index of the drawn mesh is out of range");
+    }
+    for (uint32_t v = 0; v < t->vertex_count; v++) {
+        if (t->vertex_receivers[v] >= t->receiver_count)
+            return fault(log, "vertex %u has no receiver", v);
+    }
+    return all_finite((const float *)t->vertices, (size_t)t->vertex_count * (sizeof *t->vertices / sizeof(float))) ||
+           fault(log, "the drawn mesh holds numbers that are not finite");
+}
+
+ChiaroResult chiaro_transport_open(const void *data, size_t size, ChiaroTransport *transport, const ChiaroLog *log)
+{
+    const ChiaroFileHeader *header = data;
+    if (!data || !transport || (uintptr_t)data % 16 != 0)
+        return CHIARO_ERROR_ARGUMENT;
+    if (size < sizeof *header || memcmp(header->magic, CHIARO_FILE_MAGIC, sizeof header->magic) != 0) {
+        fault(log, "not a baked file");
+        return CHIARO_ERROR_DATA;
+    }
+    if (header->endian != CHIARO_FILE_ENDIAN || header->version != CHIARO_FILE_VERSION) {
+        chiaro_log_write(log, CHIARO_LOG_ERROR, CHIARO_LOG_VERSION_MISMATCH, "file version %u, this library reads %d",
+                         header->version, CHIARO_FILE_VERSION);
+        return CHIARO_ERROR_VERSION;
+    }
+    if (header->size != size) {
+        fault(log, "%zu bytes long instead of %llu: truncated", size, (unsigned long long)header->size);
+        return CHIARO_ERROR_DATA;
+    }
+    if (header->checksum != chiaro_file_checksum(data, size)) {
+        fault(log, "the checksum does not match: damaged");
+        return CHIARO_ERROR_DATA;
+    }
+    ChiaroTransport t = {.info = header->info};
+    ChiaroFileArray arrays[CHIARO_FILE_ARRAYS];
+    bool sound = chiaro_file_load_counts(&t, header->counts) && t.info.sample_links <= 4096 && t.info.receiver_links <= 4096;
+    uint64_t offset = chiaro_file_align(sizeof *header);
+    if (sound)
+        chiaro_file_arrays(&t, arrays);
+    for (uint32_t k = 0; sound && k < CHIARO_FILE_ARRAYS; k++) {
+        sound = arrays[k].count <= (size - (offset < size ? offset : size)) / arrays[k].stride;
+        *arrays[k].slot = (const char *)data + (sound ? offset : 0);
+        offset = chiaro_file_align(offset + arrays[k].count * arrays[k].stride);
+    }
+    if (!sound || offset != size) {
+        fault(log, "the sizes of its parts do not add up");
+        return CHIARO_ERROR_DATA;
+    }
+    if (!nodes_sound(&t, log) || !samples_sound(&t, log) || !links_sound(&t, log) || !mesh_sound(&t, log) ||
+        chiaro_scene_check(&t.scene, log) != CHIARO_OK)
+        return CHIARO_ERROR_DATA;
+    *transport = t;
+    return CHIARO_OK;
+}
