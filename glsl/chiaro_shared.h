@@ -1,4 +1,4 @@
-/* Constants and arithmetic shared by C and GLSL. Both include this file; nothing here may be written twice. */
+/* Constants and structures shared by C and GLSL. Both include this file; nothing here may be written twice. */
 #ifndef CHIARO_SHARED_H
 #define CHIARO_SHARED_H
 
@@ -18,5 +18,101 @@
 
 /* Nodes are summed in two passes: those of at most this many leaves from their leaves, the larger ones from those. */
 #define CHIARO_SMALL_NODE 64u
+
+/* Invocations of a compute work group: one block of link rows. */
+#define CHIARO_GROUP_SIZE 64
+
+/* The filmic curve x (A x + B) / (x (C x + D) + E): Krzysztof Narkowicz, "ACES Filmic Tone Mapping Curve", 2016. */
+#define CHIARO_TONE_A 2.51
+#define CHIARO_TONE_B 0.03
+#define CHIARO_TONE_C 2.43
+#define CHIARO_TONE_D 0.59
+#define CHIARO_TONE_E 0.14
+
+/* Spots wider than this half-angle (by its cosine) get the six shadow faces of a point light. */
+#define CHIARO_WIDE_SPOT_COSINE 0.5
+
+/* Texels that a shadow face keeps beyond its edge, so that a filter never leaves it. */
+#define CHIARO_SHADOW_GUARD 2
+
+/* Light types and components of a picture, with the values of chiaro.h and chiaro_vulkan.h. */
+#define CHIARO_GPU_POINT 0u
+#define CHIARO_GPU_SPOT 1u
+#define CHIARO_GPU_SUN 2u
+#define CHIARO_GPU_FULL 0u
+#define CHIARO_GPU_PUNCTUAL 1u
+#define CHIARO_GPU_INDIRECT 2u
+
+/* Structures of buffers and push constants: only 16-byte members, so that both languages lay them out alike. */
+#ifdef __STDC_VERSION__
+#include <stdint.h>
+#define CHIARO_VEC4(name) float name[4]
+#define CHIARO_UVEC4(name) uint32_t name[4]
+#define CHIARO_MAT4(name) float name[16]
+#define CHIARO_STRUCT(name) typedef struct name name; struct name
+#else
+#define CHIARO_VEC4(name) vec4 name
+#define CHIARO_UVEC4(name) uvec4 name
+#define CHIARO_MAT4(name) mat4 name
+#define CHIARO_STRUCT(name) struct name
+#endif
+
+/* A light and the view of its shadow map. A shadow map stores q: near / z, or for suns 1 - z / depth. In both cases
+ * nearer is bigger, and q is an affine function of the texel for every plane. */
+CHIARO_STRUCT(ChiaroGpuLight)
+{
+    CHIARO_VEC4(position);  /* w: range, 0 without end. Sun: centre of the shadow view's near plane. */
+    CHIARO_VEC4(direction); /* the way that light travels; forward of a spot's and a sun's shadow view */
+    CHIARO_VEC4(intensity);
+    CHIARO_VEC4(cone);      /* spot: cos_outer, 1 / (cos_inner - cos_outer) */
+    CHIARO_VEC4(right);     /* unit; w: half width of the view (perspective: at distance 1) */
+    CHIARO_VEC4(up);        /* unit; w: half height */
+    CHIARO_VEC4(shadow);    /* near (sun: 1 / depth), size in texels, coordinate rounding in m, steepest slope of q */
+    CHIARO_UVEC4(info);     /* type; 1: six faces, 0: one view; first layer; unused */
+};
+
+/* Push constants of the forward pass: the view, then what changes from part to part. */
+CHIARO_STRUCT(ChiaroForwardPush)
+{
+    CHIARO_MAT4(view_projection);
+    CHIARO_VEC4(eye);      /* w: exposure as a factor */
+    CHIARO_VEC4(albedo);   /* w: alpha */
+    CHIARO_VEC4(emission); /* w: alpha cutoff */
+    CHIARO_UVEC4(flags);   /* 1: albedo texture, emission texture; rest unused */
+};
+
+/* Push constants of a shadow face: rows of the transform from v = point - position to clip space. */
+CHIARO_STRUCT(ChiaroShadowPush)
+{
+    CHIARO_VEC4(position); /* w: 1 for a sun */
+    CHIARO_VEC4(right);    /* divided by the half width */
+    CHIARO_VEC4(up);
+    CHIARO_VEC4(forward);  /* w: near, or 1 / depth */
+    CHIARO_VEC4(alpha);    /* material alpha, cutoff, 1: has a texture; unused */
+};
+
+/* Push constants of the sky: directions at the three corners of a triangle that covers the picture. */
+CHIARO_STRUCT(ChiaroSkyPush)
+{
+    CHIARO_VEC4(corner0);
+    CHIARO_VEC4(corner1);
+    CHIARO_VEC4(corner2);
+    CHIARO_VEC4(tone); /* exposure as a factor, depth of the far plane; unused */
+};
+
+/* Push constants of the compute passes. */
+CHIARO_STRUCT(ChiaroComputePush)
+{
+    CHIARO_UVEC4(range); /* first and number of things to do, links a row, first value of the buffer half that is read */
+    CHIARO_UVEC4(more);  /* first value of the half that is written; unused */
+};
+
+/* What the passes need of a sample. */
+CHIARO_STRUCT(ChiaroGpuSample)
+{
+    CHIARO_VEC4(albedo);
+    CHIARO_VEC4(emission);
+    CHIARO_UVEC4(points); /* first, count; unused */
+};
 
 #endif

@@ -1,0 +1,221 @@
+/* Chiaro for shaders: lights, their shadows, and the tone curve. Public: a host's own shaders may include it.
+ *
+ * Define CHIARO_LIGHT_SET as the number of the descriptor set of lights before including it to get the lights; without
+ * it only arithmetic is declared. Needs GL_GOOGLE_include_directive.
+ */
+#ifndef CHIARO_GLSL
+#define CHIARO_GLSL
+
+#include "chiaro_shared.h"
+
+const float chiaro_pi = 3.14159265358979323846;
+
+/* Linear radiance times an exposure factor to display-linear 0 .. 1. Compares, because min and max of NaN are undefined;
+ * the limit keeps the squares finite. */
+vec3 chiaro_tone(vec3 radiance, float exposure)
+{
+    vec3 x = radiance * exposure;
+    x = mix(vec3(0), x, greaterThan(x, vec3(0)));
+    x = mix(vec3(1e4), x, lessThan(x, vec3(1e4)));
+    vec3 curve = x * (CHIARO_TONE_A * x + CHIARO_TONE_B) / (x * (CHIARO_TONE_C * x + CHIARO_TONE_D) + CHIARO_TONE_E);
+    return clamp(curve, vec3(0), vec3(1));
+}
+
+/* Share of a light's intensity that goes to a place at distance d in the direction -toward: range window and cone. */
+float chiaro_light_window(ChiaroGpuLight light, vec3 toward, float d)
+{
+    float window = 1;
+    if (light.position.w > 0) {
+        float r = d / light.position.w;
+        window = clamp(1 - r * r * r * r, 0, 1);
+    }
+    if (light.info.x == CHIARO_GPU_SPOT) {
+        float cone = clamp((-dot(light.direction.xyz, toward) - light.cone.x) * light.cone.y, 0, 1);
+        window *= cone * cone;
+    }
+    return window;
+}
+
+/* Mean irradiance per unit intensity over the disc that a point moved back by s stands for; `surface` is the way from the
+ * disc's centre to the light, d its length. See chiaro_point_form in src/core/samples.c. */
+float chiaro_point_form(vec3 normal, float s, vec3 surface, float d)
+{
+    float h = dot(normal, surface);
+    if (h <= 0)
+        return 0;
+    float q = sqrt(d * d + 2 * s * s);
+    float t = s * s / (sqrt(d * d + s * s) + d);
+    return 2 * (h + t) / (length(surface + normal * t) * q * (q + d));
+}
+
+#ifdef CHIARO_LIGHT_SET
+
+layout(std430, set = CHIARO_LIGHT_SET, binding = 0) readonly buffer ChiaroLights
+{
+    uvec4 chiaro_light_count;
+    ChiaroGpuLight chiaro_lights[];
+};
+layout(set = CHIARO_LIGHT_SET, binding = 1) uniform sampler2DArray chiaro_face_shadows;
+layout(set = CHIARO_LIGHT_SET, binding = 2) uniform sampler2DArray chiaro_wide_shadows;
+
+/* A place as a shadow map sees it. */
+struct ChiaroShadowPlace {
+    vec2 base;     /* lower corner between the four nearest texel centres */
+    vec2 part;     /* where it lies between them, 0 .. 1 */
+    float q;       /* what the map would store for it */
+    vec2 gradient; /* of q over its tangent plane, per texel */
+    float bias;    /* what rounding may do to q */
+    float steep;   /* a gradient beyond it is no surface but an edge */
+    float layer;
+};
+
+ChiaroShadowPlace chiaro_shadow_place(ChiaroGpuLight light, vec3 point, vec3 normal)
+{
+    vec3 v = point - light.position.xyz, c, m;
+    ChiaroShadowPlace place;
+    place.layer = float(light.info.z);
+    if (light.info.y == 1) {
+        /* Face of a point light: axis and sign of the largest coordinate. */
+        vec3 a = abs(v);
+        float axis = a.x >= max(a.y, a.z) ? 0 : a.y >= a.z ? 1 : 2;
+        c = axis == 0 ? v.yzx : axis == 1 ? v.zxy : v;
+        m = axis == 0 ? normal.yzx : axis == 1 ? normal.zxy : normal;
+        float side = c.z < 0 ? -1 : 1;
+        c.z *= side, m.z *= side;
+        place.layer += 2 * axis + (side < 0 ? 1 : 0);
+    } else {
+        mat3 view = mat3(light.right.xyz, light.up.xyz, light.direction.xyz);
+        c = v * view;
+        m = normal * view;
+    }
+    vec2 extent = vec2(light.right.w, light.up.w), ndc, gradient;
+    float size = light.shadow.y, rounding = light.shadow.z;
+    if (light.info.x == CHIARO_GPU_SUN) {
+        float facing = min(m.z, -1e-4);
+        ndc = c.xy / extent;
+        place.q = 1 - c.z * light.shadow.x;
+        gradient = extent * m.xy * (light.shadow.x / facing);
+        place.steep = light.shadow.w;
+        place.bias = 1e-6 + rounding * light.shadow.x;
+    } else {
+        float z = max(c.z, light.shadow.x), facing = min(dot(m, c), -1e-4 * z);
+        ndc = c.xy / (z * extent);
+        place.q = light.shadow.x / z;
+        gradient = extent * m.xy * (light.shadow.x / facing);
+        place.steep = light.shadow.w * place.q;
+        place.bias = place.q * (2e-5 + rounding / z);
+    }
+    place.gradient = gradient * (2 / size);
+    /* The rasteriser snaps corners to a fraction of a texel, which moves a slanted plane. */
+    place.bias += min((abs(place.gradient.x) + abs(place.gradient.y)) * (1.0 / 64.0), place.steep);
+    vec2 texel = (clamp(ndc, vec2(-1), vec2(1)) * 0.5 + 0.5) * size - 0.5;
+    place.base = floor(texel);
+    place.part = texel - place.base;
+    return place;
+}
+
+/* Four texels around a corner between texels: (0,1), (1,1), (1,0), (0,0). */
+vec4 chiaro_shadow_gather(ChiaroGpuLight light, vec2 corner, float layer)
+{
+    vec3 at = vec3(corner / light.shadow.y, layer);
+    return light.info.y == 1 ? textureGather(chiaro_face_shadows, at) : textureGather(chiaro_wide_shadows, at);
+}
+
+/* Share of the light that is not blocked, bilinear over the four nearest texels.
+ *
+ * A texel blocks if what it saw lies nearer than the tangent plane of the place, followed along that texel's own ray:
+ * exact on planes at any slope, so there is no acne and no constant bias to leak through. What is no nearer than the
+ * place itself never blocks (that decides where the plane does not meet the ray). */
+vec4 chiaro_shadow_blocked(ChiaroShadowPlace place, vec4 stored)
+{
+    vec4 x = vec4(0, 1, 1, 0) - place.part.x, y = vec4(1, 1, 0, 0) - place.part.y;
+    vec4 plane = place.q + place.gradient.x * x + place.gradient.y * y;
+    return vec4(greaterThan(stored, max(plane, vec4(place.q)) + place.bias));
+}
+
+float chiaro_shadow_mix(ChiaroShadowPlace place, vec4 blocked)
+{
+    vec2 upper = mix(blocked.wx, blocked.zy, place.part.x);
+    return 1 - mix(upper.x, upper.y, place.part.y);
+}
+
+float chiaro_shadow_quick(ChiaroGpuLight light, vec3 point, vec3 normal)
+{
+    ChiaroShadowPlace place = chiaro_shadow_place(light, point, normal);
+    vec4 stored = chiaro_shadow_gather(light, place.base + 1, place.layer);
+    return chiaro_shadow_mix(place, chiaro_shadow_blocked(place, stored));
+}
+
+/* True if the plane that texel `tap` and its two outer neighbours saw passes behind the place: then it cannot block it,
+ * although it is nearer than the place's own plane at that texel. This is the wall beside a floor, in a corner. */
+float chiaro_shadow_behind(ChiaroShadowPlace place, float tap, float outer_x, float outer_y, vec2 way)
+{
+    float x = tap - outer_x, y = tap - outer_y;
+    float there = tap + way.x * x + way.y * y;
+    return max(abs(x), abs(y)) <= place.steep && there <= place.q + place.bias ? 1 : 0;
+}
+
+/* The same, without the dark seam of one texel that concave corners would get. */
+float chiaro_shadow(ChiaroGpuLight light, vec3 point, vec3 normal)
+{
+    ChiaroShadowPlace place = chiaro_shadow_place(light, point, normal);
+    vec4 a = chiaro_shadow_gather(light, place.base, place.layer);
+    vec4 b = chiaro_shadow_gather(light, place.base + vec2(2, 0), place.layer);
+    vec4 c = chiaro_shadow_gather(light, place.base + vec2(0, 2), place.layer);
+    vec4 d = chiaro_shadow_gather(light, place.base + vec2(2, 2), place.layer);
+    vec4 stored = vec4(c.z, d.w, b.x, a.y);
+    vec4 blocked = chiaro_shadow_blocked(place, stored);
+    vec2 f = place.part, g = 1 - f;
+    vec4 behind = vec4(chiaro_shadow_behind(place, stored.x, c.w, c.y, vec2(f.x, g.y)),
+                       chiaro_shadow_behind(place, stored.y, d.z, d.x, vec2(g.x, g.y)),
+                       chiaro_shadow_behind(place, stored.z, b.y, b.w, vec2(g.x, f.y)),
+                       chiaro_shadow_behind(place, stored.w, a.x, a.z, vec2(f.x, f.y)));
+    return chiaro_shadow_mix(place, blocked * (1 - behind));
+}
+
+/* Irradiance from all lights at a place of a surface, with shadows. `geometric` is the normal of the triangle. */
+vec3 chiaro_punctual_irradiance(vec3 point, vec3 normal, vec3 geometric)
+{
+    vec3 sum = vec3(0);
+    for (uint i = 0; i < chiaro_light_count.x; i++) {
+        ChiaroGpuLight light = chiaro_lights[i];
+        vec3 toward = -light.direction.xyz;
+        float attenuation = 1;
+        if (light.info.x != CHIARO_GPU_SUN) {
+            vec3 line = light.position.xyz - point;
+            float square = max(dot(line, line), 1e-12);
+            toward = line * inversesqrt(square);
+            attenuation = chiaro_light_window(light, toward, sqrt(square)) / square;
+        }
+        float cosine = dot(normal, toward);
+        if (cosine > 0 && dot(geometric, toward) > 0 && attenuation > 0)
+            sum += light.intensity.rgb * (cosine * attenuation * chiaro_shadow(light, point, geometric));
+    }
+    return sum;
+}
+
+/* Irradiance of one moved-back point (ChiaroPoint): cull plane, shadow, disc law. */
+vec3 chiaro_point_irradiance(vec3 position, float cull, vec3 normal)
+{
+    vec3 point = position + normal * cull, sum = vec3(0);
+    for (uint i = 0; i < chiaro_light_count.x; i++) {
+        ChiaroGpuLight light = chiaro_lights[i];
+        float form;
+        if (light.info.x == CHIARO_GPU_SUN) {
+            form = max(0, -dot(normal, light.direction.xyz));
+        } else {
+            vec3 line = light.position.xyz - point;
+            float d = length(line);
+            form = chiaro_point_form(normal, cull, line, d);
+            if (form > 0)
+                form *= chiaro_light_window(light, line / d, d);
+        }
+        if (form > 0)
+            sum += light.intensity.rgb * (form * chiaro_shadow_quick(light, point, normal));
+    }
+    return sum;
+}
+
+#endif
+
+#endif

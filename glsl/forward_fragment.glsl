@@ -1,0 +1,60 @@
+/* Pixel half of the forward pass: radiance of a diffuse surface. Compiled four times: with or without lights
+ * (CHIARO_LIT), with or without textures (CHIARO_TEXTURED). */
+#ifdef CHIARO_LIT
+#define CHIARO_LIGHT_SET 0
+#endif
+#include "chiaro.glsl"
+
+layout(constant_id = 0) const uint component = CHIARO_GPU_FULL;
+layout(constant_id = 1) const bool tone_map = false;
+layout(constant_id = 2) const bool masked = false;
+
+layout(push_constant) uniform Push
+{
+    ChiaroForwardPush push;
+};
+#ifdef CHIARO_TEXTURED
+layout(set = 2, binding = 0) uniform sampler2D albedo_texture;
+layout(set = 2, binding = 1) uniform sampler2D emission_texture;
+#endif
+
+layout(location = 0) in vec3 v_offset;
+layout(location = 1) in vec3 v_normal;
+layout(location = 2) in vec4 v_color;
+layout(location = 3) in vec3 v_irradiance;
+layout(location = 4) in vec4 v_uv;
+layout(location = 0) out vec4 color;
+
+void main()
+{
+    vec4 albedo = push.albedo * v_color;
+    vec3 emission = push.emission.rgb;
+#ifdef CHIARO_TEXTURED
+    /* One level: every part of Chiaro filters textures without mip maps. */
+    if (push.flags.x == 1)
+        albedo *= textureLod(albedo_texture, v_uv.xy, 0);
+    if (push.flags.y == 1)
+        emission *= textureLod(emission_texture, v_uv.zw, 0).rgb;
+#endif
+    if (masked && albedo.a < push.emission.w)
+        discard;
+    albedo.rgb = min(albedo.rgb, vec3(0.99));
+
+    vec3 received = vec3(0);
+#ifdef CHIARO_LIT
+    if (component != CHIARO_GPU_INDIRECT) {
+        vec3 geometric = normalize(cross(dFdx(v_offset), dFdy(v_offset)));
+        geometric = dot(geometric, v_offset) > 0 ? -geometric : geometric;
+        received = chiaro_punctual_irradiance(push.eye.xyz + v_offset, normalize(v_normal), geometric);
+    }
+#endif
+    if (component != CHIARO_GPU_PUNCTUAL)
+        received += max(v_irradiance, vec3(0));
+    vec3 radiance = albedo.rgb * received / chiaro_pi;
+    if (component == CHIARO_GPU_FULL)
+        radiance += emission;
+    if (tone_map)
+        radiance = chiaro_tone(radiance, push.eye.w);
+    /* One-sided surfaces are black from behind; two-sided ones are culled here and drawn by their twin. */
+    color = vec4(gl_FrontFacing ? radiance : vec3(0), 1);
+}

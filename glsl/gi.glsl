@@ -1,0 +1,17 @@
+/* The buffers of the bounce light, for the compute passes. */
+layout(local_size_x = CHIARO_GROUP_SIZE) in;
+
+layout(push_constant) uniform Push
+{
+    ChiaroComputePush push;
+};
+layout(std430, set = 0, binding = 0) readonly buffer Samples { ChiaroGpuSample samples[]; };
+layout(std430, set = 0, binding = 1) readonly buffer Points { vec4 points[]; };
+layout(std430, set = 0, binding = 2) readonly buffer Weights { float weights[]; };
+layout(std430, set = 0, binding = 3) readonly buffer Sources { uvec2 sources[]; };
+layout(std430, set = 0, binding = 4) buffer Values { vec4 values[]; };
+layout(std430, set = 0, binding = 5) readonly buffer SampleLinks { uvec2 sample_links[]; };
+layout(std430, set = 0, binding = 6) readonly buffer SampleScales { vec4 sample_scales[]; };
+layout(std430, set = 0, binding = 7) readonly buffer ReceiverLinks { uint receiver_links[]; };
+layout(std430, set = 0, binding = 8) readonly buffer ReceiverScales { float receiver_scales[]; };
+layout(std430, set = 0, binding = 9) writeonly buffer Irradiance { vec4 irradiance[]; };

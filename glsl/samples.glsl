@@ -1,0 +1,23 @@
+/* Direct light on every sample: emission + albedo * irradiance. Twin of chiaro_samples_light.
+ * Compiled with lights (samples_lit) and without (samples_dark: emitters only). */
+#ifdef CHIARO_LIT
+#define CHIARO_LIGHT_SET 1
+#endif
+#include "chiaro.glsl"
+#include "gi.glsl"
+
+void main()
+{
+    uint id = gl_GlobalInvocationID.x;
+    if (id >= push.range.y)
+        return;
+    ChiaroGpuSample s = samples[id];
+    vec3 sum = vec3(0);
+#ifdef CHIARO_LIT
+    for (uint p = s.points.x; p < s.points.x + s.points.y; p++) {
+        vec4 position = points[2 * p], normal = points[2 * p + 1];
+        sum += chiaro_point_irradiance(position.xyz, position.w, normal.xyz) * normal.w;
+    }
+#endif
+    values[id] = vec4(s.emission.rgb + s.albedo.rgb * sum, 0);
+}

@@ -1,0 +1,386 @@
+/* The table of functions that a host calls: arguments are checked here, state is kept here, the work is done elsewhere.
+ *
+ * Whatever changes state prepares at once what the next frame needs (maps, pipelines), so that update() and draw() only
+ * record.
+ */
+#include <math.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "../core/log.h"
+#include "context.h"
+
+#define DEFAULT_FACE_SIZE 1024u
+#define DEFAULT_WIDE_SIZE 2048u
+#define MIN_SHADOW_SIZE 64u
+#define MAX_SHADOW_SIZE 8192u
+#define MAX_EXPOSURE 64.0f
+
+static ChiaroResult refuse(const ChiaroVulkan *context, const char *what)
+{
+    chiaro_log_write(&context->desc.log, CHIARO_LOG_ERROR, CHIARO_LOG_ARGUMENT_INVALID, "%s", what);
+    return CHIARO_ERROR_ARGUMENT;
+}
+
+/* ---- create and destroy ------------------------------------------------------------------------------------------- */
+
+static ChiaroResult check_desc(ChiaroVulkan *context)
+{
+    const ChiaroVulkanDesc *desc = &context->desc;
+    if (!desc->instance || !desc->physical_device || !desc->device || !desc->get_instance_proc_addr)
+        return refuse(context, "instance, physical_device, device and get_instance_proc_addr are needed");
+    if (!desc->allocator.alloc != !desc->allocator.free)
+        return refuse(context, "allocator: both functions or neither");
+    if (!desc->render_pass && (desc->color_format == VK_FORMAT_UNDEFINED || desc->depth_format == VK_FORMAT_UNDEFINED))
+        return refuse(context, "either render_pass, or color_format and depth_format");
+    if (desc->face_shadow_size < MIN_SHADOW_SIZE || desc->face_shadow_size > MAX_SHADOW_SIZE)
+        return refuse(context, "face_shadow_size");
+    if (desc->wide_shadow_size < MIN_SHADOW_SIZE || desc->wide_shadow_size > MAX_SHADOW_SIZE)
+        return refuse(context, "wide_shadow_size");
+    return CHIARO_OK;
+}
+
+static ChiaroResult check_device(ChiaroVulkan *context)
+{
+    const VulkanFunctions *vk = &context->vk;
+    VkPhysicalDeviceProperties properties;
+    VkFormatProperties depth;
+    vk->GetPhysicalDeviceMemoryProperties(context->desc.physical_device, &context->memory);
+    vk->GetPhysicalDeviceProperties(context->desc.physical_device, &properties);
+    vk->GetPhysicalDeviceFormatProperties(context->desc.physical_device, VK_FORMAT_D32_SFLOAT, &depth);
+    context->limits = properties.limits;
+    VkFormatFeatureFlags needed = VK_FORMAT_FEATURE_SAMPLED_IMAGE_BIT | VK_FORMAT_FEATURE_DEPTH_STENCIL_ATTACHMENT_BIT;
+    const char *lack = NULL;
+    if (properties.apiVersion < VK_API_VERSION_1_1)
+        lack = "Vulkan 1.1";
+    else if ((depth.optimalTilingFeatures & needed) != needed)
+        lack = "D32_SFLOAT as a sampled depth attachment";
+    if (!lack)
+        return CHIARO_OK;
+    chiaro_log_write(&context->desc.log, CHIARO_LOG_ERROR, CHIARO_LOG_VULKAN_UNSUPPORTED, "%s", lack);
+    return CHIARO_ERROR_UNSUPPORTED;
+}
+
+static void destroy(ChiaroVulkan *context)
+{
+    if (!context)
+        return;
+    chiaro_sky_release(context);
+    chiaro_lights_release(context);
+    chiaro_scene_release(context);
+    chiaro_pipelines_retire_forward(context);
+    chiaro_arena_retire(context, &context->pipeline_arena);
+    chiaro_arena_retire(context, &context->layouts.arena);
+    chiaro_arena_collect(context, UINT64_MAX);
+    chiaro_vulkan_free(context, context);
+}
+
+static ChiaroResult create(const ChiaroVulkanDesc *desc, ChiaroVulkan **context)
+{
+    if (!desc || !context || desc->struct_size != sizeof *desc)
+        return CHIARO_ERROR_ARGUMENT;
+    ChiaroVulkan seed = {.desc = *desc};
+    seed.desc.face_shadow_size = desc->face_shadow_size ? desc->face_shadow_size : DEFAULT_FACE_SIZE;
+    seed.desc.wide_shadow_size = desc->wide_shadow_size ? desc->wide_shadow_size : DEFAULT_WIDE_SIZE;
+    seed.desc.samples = desc->samples ? desc->samples : VK_SAMPLE_COUNT_1_BIT;
+    seed.settings.struct_size = sizeof seed.settings;
+    ChiaroResult result = check_desc(&seed);
+    if (result != CHIARO_OK)
+        return result;
+    if (!chiaro_functions_load(&seed)) {
+        chiaro_log_write(&desc->log, CHIARO_LOG_ERROR, CHIARO_LOG_VULKAN_UNSUPPORTED, "a Vulkan 1.1 function");
+        return CHIARO_ERROR_UNSUPPORTED;
+    }
+    result = check_device(&seed);
+    if (result != CHIARO_OK)
+        return result;
+    ChiaroVulkan *made = chiaro_vulkan_alloc(&seed, 1, sizeof *made);
+    if (!made)
+        return CHIARO_ERROR_MEMORY;
+    *made = seed;
+    result = chiaro_layouts_create(made);
+    if (result != CHIARO_OK) {
+        destroy(made);
+        return result;
+    }
+    *context = made;
+    return CHIARO_OK;
+}
+
+static ChiaroResult desc_get(const ChiaroVulkan *context, ChiaroVulkanDesc *desc)
+{
+    if (!context || !desc || desc->struct_size != sizeof *desc)
+        return CHIARO_ERROR_ARGUMENT;
+    *desc = context->desc;
+    return CHIARO_OK;
+}
+
+/* ---- state -------------------------------------------------------------------------------------------------------- */
+
+/* Maps and pipelines for the state as it is now; bounce light is due. */
+static ChiaroResult prepare(ChiaroVulkan *context)
+{
+    ChiaroResult result = chiaro_lights_prepare(context);
+    context->gi_changed = true;
+    return result == CHIARO_OK ? chiaro_pipelines_prepare(context) : result;
+}
+
+static ChiaroResult scene_load(ChiaroVulkan *context, const ChiaroVulkanLoad *load)
+{
+    if (!context || !load || load->struct_size != sizeof *load)
+        return CHIARO_ERROR_ARGUMENT;
+    if (!load->transport || !load->command_buffer || load->frame < context->frame)
+        return refuse(context, "scene_load: transport, command_buffer, or a frame that fell");
+    context->frame = load->frame;
+    chiaro_scene_release(context);
+    ChiaroResult result = chiaro_scene_upload(context, load->transport, load->command_buffer);
+    if (result != CHIARO_OK)
+        return result;
+    /* Old maps show the old scene. */
+    context->lights.changed = true;
+    for (uint32_t i = 0; i < CHIARO_MAX_LIGHTS; i++)
+        context->lights.stale[i] = true;
+    result = chiaro_sky_prepare(context);
+    if (result == CHIARO_OK)
+        result = prepare(context);
+    if (result != CHIARO_OK)
+        chiaro_scene_release(context);
+    return result;
+}
+
+static void scene_unload(ChiaroVulkan *context)
+{
+    if (!context)
+        return;
+    chiaro_scene_release(context);
+    chiaro_lights_release(context);
+}
+
+static ChiaroResult lights_set(ChiaroVulkan *context, const ChiaroLight *lights, uint32_t count)
+{
+    if (!context || (count > 0 && !lights))
+        return CHIARO_ERROR_ARGUMENT;
+    LightState *state = &context->lights;
+    ChiaroLight next[CHIARO_MAX_LIGHTS] = {0}, before[CHIARO_MAX_LIGHTS];
+    uint32_t used = 0, used_before = state->count;
+    for (uint32_t i = 0; i < count; i++) {
+        if (chiaro_light_check(&lights[i]) != CHIARO_OK)
+            return refuse(context, "lights_set: a light is not valid");
+        const float *intensity = lights[i].intensity;
+        if (!(intensity[0] > 0 || intensity[1] > 0 || intensity[2] > 0))
+            continue;
+        if (used == CHIARO_MAX_LIGHTS)
+            return refuse(context, "lights_set: more than CHIARO_MAX_LIGHTS lights");
+        next[used++] = lights[i];
+    }
+    if (used == used_before && memcmp(state->lights, next, sizeof next) == 0)
+        return CHIARO_OK;
+    memcpy(before, state->lights, sizeof before);
+    memcpy(state->lights, next, sizeof next);
+    state->count = used;
+    state->changed = true;
+    ChiaroResult result = prepare(context);
+    if (result != CHIARO_OK) {
+        /* Maps and pipelines of the lights before exist already, so this cannot fail. */
+        memcpy(state->lights, before, sizeof before);
+        state->count = used_before;
+        prepare(context);
+    }
+    return result;
+}
+
+static ChiaroResult sky_set(ChiaroVulkan *context, const ChiaroSky *sky)
+{
+    if (!context)
+        return CHIARO_ERROR_ARGUMENT;
+    if (sky && chiaro_sky_check(sky) != CHIARO_OK)
+        return refuse(context, "sky_set: the sky is not valid");
+    ChiaroResult result = chiaro_sky_take(context, sky);
+    return result == CHIARO_OK ? prepare(context) : result;
+}
+
+static ChiaroResult settings_set(ChiaroVulkan *context, const ChiaroVulkanSettings *settings)
+{
+    if (!context || !settings || settings->struct_size != sizeof *settings)
+        return CHIARO_ERROR_ARGUMENT;
+    if (settings->component > CHIARO_COMPONENT_INDIRECT || settings->gi_off > 1 || settings->tone_map > 1 ||
+        !(fabsf(settings->exposure) <= MAX_EXPOSURE))
+        return refuse(context, "settings_set: component, gi_off, tone_map or exposure");
+    const ChiaroVulkanSettings *old = &context->settings;
+    if (old->gi_off && !settings->gi_off && context->scene.arena && !context->scene.gi_arena)
+        return refuse(context, "settings_set: the scene was loaded without bounce light");
+    bool other_light = old->component != settings->component || old->gi_off != settings->gi_off;
+    if (old->component != settings->component || old->tone_map != settings->tone_map)
+        chiaro_pipelines_retire_forward(context);
+    context->settings = *settings;
+    if (!other_light)
+        return chiaro_pipelines_prepare(context);
+    /* What was left undone while it was not shown is done now. */
+    context->sky.changed = true;
+    return prepare(context);
+}
+
+/* ---- the frame ---------------------------------------------------------------------------------------------------- */
+
+static ChiaroResult update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info)
+{
+    if (!context || !info || info->struct_size != sizeof *info)
+        return CHIARO_ERROR_ARGUMENT;
+    if (!info->command_buffer || info->frame < context->frame || info->frame == 0 ||
+        info->completed_frame >= info->frame)
+        return refuse(context, "update: command_buffer, frame or completed_frame");
+    chiaro_arena_collect(context, info->completed_frame);
+    context->frame = info->frame;
+    chiaro_record_update(context, info->command_buffer);
+    return CHIARO_OK;
+}
+
+static ChiaroResult draw(ChiaroVulkan *context, const ChiaroVulkanDraw *info)
+{
+    if (!context || !info || info->struct_size != sizeof *info)
+        return CHIARO_ERROR_ARGUMENT;
+    if (!info->command_buffer)
+        return refuse(context, "draw: command_buffer");
+    for (int i = 0; i < 16; i++)
+        if (!isfinite(info->view[i]) || !isfinite(info->projection[i]))
+            return refuse(context, "draw: a matrix is not finite");
+    if (!context->scene.arena)
+        return CHIARO_ERROR_SCENE;
+    chiaro_record_draw(context, info);
+    return CHIARO_OK;
+}
+
+/* ---- what is there ------------------------------------------------------------------------------------------------ */
+
+typedef struct FeatureList {
+    ChiaroVulkanFeature *features;
+    uint32_t capacity, count;
+} FeatureList;
+
+/* `missing` NULL: used. */
+static void add_feature(FeatureList *list, const char *name, const char *missing, const char *present, uint64_t bytes)
+{
+    if (list->count < list->capacity) {
+        ChiaroVulkanFeature *feature = &list->features[list->count];
+        memset(feature, 0, sizeof *feature);
+        snprintf(feature->name, sizeof feature->name, "%s", name);
+        snprintf(feature->reason, sizeof feature->reason, "%s", missing ? missing : present);
+        feature->used = !missing;
+        feature->bytes = bytes;
+    }
+    list->count++;
+}
+
+static const char *why_no_gi(const ChiaroVulkan *context)
+{
+    if (context->settings.gi_off)
+        return "turned off";
+    if (context->settings.component == CHIARO_COMPONENT_PUNCTUAL)
+        return "the punctual component has none";
+    if (!context->scene.gi_arena)
+        return "the scene has no baked transport";
+    return chiaro_vulkan_gi(context) ? NULL : "no lights, no emitters, no sky";
+}
+
+static bool has_kind(const ChiaroVulkan *context, bool six)
+{
+    for (uint32_t i = 0; i < context->lights.count; i++)
+        if ((context->lights.gpu[i].info[1] != 0) == six)
+            return true;
+    return false;
+}
+
+static void describe_lights(const ChiaroVulkan *context, FeatureList *list)
+{
+    const LightState *lights = &context->lights;
+    const ChiaroVulkanDesc *desc = &context->desc;
+    bool lit = chiaro_vulkan_lit(context), forward = chiaro_forward_lighting(context) & FORWARD_LIT;
+    uint64_t face = 4 * 6 * (uint64_t)desc->face_shadow_size * desc->face_shadow_size * lights->face_capacity;
+    uint64_t wide = 4 * (uint64_t)desc->wide_shadow_size * desc->wide_shadow_size * lights->wide_capacity;
+    add_feature(list, "punctual light", lit && forward ? NULL : lit ? "the indirect component has none" : "no lights",
+                "the scene has lights", lights->arena ? lights->bytes - face - wide : 0);
+    add_feature(list, "face shadow maps", !lit ? "no lights" : has_kind(context, true) ? NULL : "no point lights",
+                "the scene has point lights", face);
+    add_feature(list, "wide shadow maps", !lit ? "no lights" : has_kind(context, false) ? NULL : "no spots, no suns",
+                "the scene has spots or suns", wide);
+    bool masked = context->scene.shadows & ~(1u << SHADOW_OPAQUE);
+    add_feature(list, "masked shadows", !masked ? "no alpha masks" : lit ? NULL : "no lights",
+                "the scene has alpha masks", 0);
+}
+
+static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features, uint32_t *count)
+{
+    if (!context || !count)
+        return;
+    const SceneState *scene = &context->scene;
+    const char *no_gi = why_no_gi(context);
+    FeatureList list = {features, features ? *count : 0, 0};
+    bool textured = false, masked = false, lit = chiaro_vulkan_lit(context);
+    for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++) {
+        textured |= (scene->surfaces >> kind & 1) && (kind & SURFACE_TEXTURED);
+        masked |= (scene->surfaces >> kind & 1) && (kind & SURFACE_MASKED);
+    }
+    add_feature(&list, "scene", scene->arena ? NULL : "none loaded", "loaded", scene->mesh_bytes);
+    add_feature(&list, "textures", textured ? NULL : "no material has one", "materials have them",
+                scene->texture_bytes);
+    add_feature(&list, "alpha masks", masked ? NULL : "no material has one", "materials have them", 0);
+    describe_lights(context, &list);
+    add_feature(&list, "bounce light", no_gi, "links carry it", scene->gi_bytes);
+    add_feature(&list, "sample lighting", no_gi ? no_gi : lit ? NULL : "no lights", "lights reach samples", 0);
+    add_feature(&list, "emitters", no_gi ? no_gi : scene->emitters > 0 ? NULL : "nothing emits", "samples emit", 0);
+    bool sky_leaves = context->sky.set && scene->transport.sky_count > 0;
+    add_feature(&list, "sky light", no_gi ? no_gi : !context->sky.set ? "no sky" : sky_leaves ? NULL : "sky is not seen",
+                "sky leaves of the tree", 0);
+    bool full = context->settings.component == CHIARO_COMPONENT_FULL;
+    add_feature(&list, "sky background", !context->sky.set ? "no sky" : full ? NULL : "only the full component has it",
+                "the sky is set", context->sky.bytes);
+    add_feature(&list, "tone map", context->settings.tone_map ? NULL : "linear radiance is wanted", "turned on", 0);
+    *count = list.count;
+}
+
+static ChiaroResult stats(const ChiaroVulkan *context, ChiaroVulkanStats *out)
+{
+    if (!context || !out || out->struct_size != sizeof *out)
+        return CHIARO_ERROR_ARGUMENT;
+    out->lights = context->lights.count;
+    out->device_bytes = context->device_bytes;
+    out->gi_bytes = context->scene.gi_bytes;
+    out->dispatches = context->dispatches;
+    out->shadow_passes = context->shadow_passes;
+    out->updates = context->updates;
+    return CHIARO_OK;
+}
+
+static ChiaroResult buffers(const ChiaroVulkan *context, ChiaroVulkanBuffers *out)
+{
+    if (!context || !out || out->struct_size != sizeof *out)
+        return CHIARO_ERROR_ARGUMENT;
+    out->node_count = context->scene.gi_arena ? context->scene.transport.node_count : 0;
+    out->receiver_count = context->scene.gi_arena ? context->scene.transport.receiver_count : 0;
+    out->values = context->scene.values.buffer;
+    out->irradiance = context->scene.irradiance.buffer;
+    return CHIARO_OK;
+}
+
+const ChiaroVulkanApi *chiaro_vulkan_get_api(uint32_t version)
+{
+    static const ChiaroVulkanApi api = {
+        .struct_size = sizeof api,
+        .version = CHIARO_VULKAN_API_VERSION,
+        .create = create,
+        .destroy = destroy,
+        .desc_get = desc_get,
+        .scene_load = scene_load,
+        .scene_unload = scene_unload,
+        .lights_set = lights_set,
+        .sky_set = sky_set,
+        .settings_set = settings_set,
+        .update = update,
+        .draw = draw,
+        .describe = describe,
+        .stats = stats,
+        .buffers = buffers,
+    };
+    return version >= 1 && version <= CHIARO_VULKAN_API_VERSION ? &api : NULL;
+}

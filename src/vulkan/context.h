@@ -1,0 +1,271 @@
+/* Inside of the Vulkan renderer: the context, and who does what.
+ *
+ *   api.c        the table: checks arguments, keeps state, describes
+ *   functions.c  Vulkan functions by the host's GetProcAddr
+ *   arena.c      things that live and die together: memory, buffers, images, uploads, retirement
+ *   pipelines.c  shaders, layouts, pipelines, each made when first needed
+ *   scene.c      mesh, materials, textures, baked transport -> device
+ *   lights.c     lights, shadow views and maps
+ *   sky.c        the sky behind the picture and in the leaves of the tree
+ *   record.c     update and draw
+ *
+ * Nothing here is global. Steps that build something keep their first failure in the arena, so that they read as a list.
+ */
+#ifndef CHIARO_VULKAN_CONTEXT_H
+#define CHIARO_VULKAN_CONTEXT_H
+
+#define VK_NO_PROTOTYPES
+#include <string.h>
+
+#include "chiaro/chiaro_vulkan.h"
+#include "chiaro_shared.h"
+
+#define CHIARO_DEVICE_FUNCTIONS(X)                                                                                     \
+    X(AllocateDescriptorSets) X(AllocateMemory) X(BindBufferMemory) X(BindImageMemory) X(CmdBeginRenderPass)           \
+    X(CmdBindDescriptorSets) X(CmdBindIndexBuffer) X(CmdBindPipeline) X(CmdBindVertexBuffers) X(CmdCopyBuffer)         \
+    X(CmdCopyBufferToImage) X(CmdDispatch) X(CmdDraw) X(CmdDrawIndexed) X(CmdEndRenderPass) X(CmdPipelineBarrier)      \
+    X(CmdPushConstants) X(CmdSetScissor) X(CmdSetViewport) X(CmdUpdateBuffer) X(CreateBuffer)                          \
+    X(CreateComputePipelines) X(CreateDescriptorPool) X(CreateDescriptorSetLayout) X(CreateFramebuffer)                \
+    X(CreateGraphicsPipelines) X(CreateImage) X(CreateImageView) X(CreatePipelineLayout) X(CreateRenderPass)           \
+    X(CreateSampler) X(CreateShaderModule) X(DestroyBuffer) X(DestroyDescriptorPool) X(DestroyDescriptorSetLayout)     \
+    X(DestroyFramebuffer) X(DestroyImage) X(DestroyImageView) X(DestroyPipeline) X(DestroyPipelineLayout)              \
+    X(DestroyRenderPass) X(DestroySampler) X(DestroyShaderModule) X(FreeMemory) X(GetBufferMemoryRequirements)         \
+    X(GetImageMemoryRequirements) X(MapMemory) X(UpdateDescriptorSets)
+
+typedef struct VulkanFunctions {
+#define X(name) PFN_vk##name name;
+    CHIARO_DEVICE_FUNCTIONS(X)
+#undef X
+    PFN_vkGetPhysicalDeviceFormatProperties GetPhysicalDeviceFormatProperties;
+    PFN_vkGetPhysicalDeviceMemoryProperties GetPhysicalDeviceMemoryProperties;
+    PFN_vkGetPhysicalDeviceProperties GetPhysicalDeviceProperties;
+} VulkanFunctions;
+
+/* ---- arena.c ------------------------------------------------------------------------------------------------------ */
+
+typedef struct ArenaHandle {
+    VkObjectType type;
+    uint64_t handle;
+    VkMemoryRequirements need; /* of a buffer or image that waits for memory */
+    bool waits, host;
+} ArenaHandle;
+
+/* Vulkan objects that are destroyed together. `result` keeps the first failure; after it every call does nothing. */
+typedef struct Arena {
+    struct Arena *next;  /* in the list of the retired */
+    uint64_t last_frame; /* that may use it */
+    ArenaHandle *handles;
+    uint32_t count, capacity;
+    uint64_t device_bytes;
+    void *mapped; /* of host-visible memory: one buffer at most */
+    ChiaroResult result;
+} Arena;
+
+/* A staging buffer and the commands that copy from it. */
+typedef struct Upload {
+    Arena *arena;
+    VkBuffer buffer;
+    VkCommandBuffer commands;
+    uint64_t used;
+} Upload;
+
+/* A buffer and its size; `bytes` in arena functions is a feature's account that gets what the thing needs. */
+typedef struct DeviceBuffer {
+    VkBuffer buffer;
+    uint64_t size;
+} DeviceBuffer;
+
+void *chiaro_vulkan_alloc(const ChiaroVulkan *context, size_t count, size_t size);
+void chiaro_vulkan_free(const ChiaroVulkan *context, void *memory);
+/* Turns a VkResult into ours, logging it. */
+ChiaroResult chiaro_vulkan_check(const ChiaroVulkan *context, VkResult result, const char *call);
+
+Arena *chiaro_arena_create(ChiaroVulkan *context);
+void chiaro_arena_destroy(ChiaroVulkan *context, Arena *arena);
+/* Takes the arena away; it is destroyed once the frames recorded until now have completed. NULL in, NULL out. */
+void chiaro_arena_retire(ChiaroVulkan *context, Arena **arena);
+void chiaro_arena_collect(ChiaroVulkan *context, uint64_t completed);
+/* Gives a handle to the arena; on failure (of `result` or of memory) the handle is gone. Returns false then. */
+bool chiaro_arena_keep(ChiaroVulkan *context, Arena *arena, VkResult result, const char *call, VkObjectType type,
+                       uint64_t handle);
+DeviceBuffer chiaro_arena_buffer(ChiaroVulkan *context, Arena *arena, uint64_t size, VkBufferUsageFlags usage,
+                                 bool host, uint64_t *bytes);
+VkImage chiaro_arena_image(ChiaroVulkan *context, Arena *arena, VkFormat format, uint32_t width, uint32_t height,
+                           uint32_t layers, VkImageUsageFlags usage, uint64_t *bytes);
+VkImageView chiaro_arena_view(ChiaroVulkan *context, Arena *arena, VkImage image, VkImageViewType type, VkFormat format,
+                              uint32_t layer, uint32_t layers);
+/* One block of memory a kind for all that waits. Views come after it. */
+void chiaro_arena_bind(ChiaroVulkan *context, Arena *arena);
+
+/* Copies go into `commands`, the memory lives until the frame that is recorded completes. */
+Upload chiaro_upload_begin(ChiaroVulkan *context, uint64_t capacity, VkCommandBuffer commands);
+uint64_t chiaro_upload_size(uint64_t size); /* what a copy takes of the capacity */
+void *chiaro_upload_buffer(ChiaroVulkan *context, Upload *upload, DeviceBuffer buffer);
+void *chiaro_upload_image(ChiaroVulkan *context, Upload *upload, VkImage image, uint32_t width, uint32_t height,
+                          uint32_t texel);
+
+/* ---- pipelines.c -------------------------------------------------------------------------------------------------- */
+
+/* Bits of a kind of surface: which forward pipeline draws it. */
+enum { SURFACE_TEXTURED = 1, SURFACE_MASKED = 2, SURFACE_TWINNED = 4, SURFACE_KINDS = 8 };
+/* Bits of what lights it. */
+enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_KINDS = 4 };
+enum { GI_SAMPLES_LIT, GI_SAMPLES_DARK, GI_TREE, GI_GATHER_SAMPLES, GI_GATHER_RECEIVERS, GI_PASSES };
+enum { SHADOW_OPAQUE, SHADOW_MASKED, SHADOW_MASKED_TEXTURED, SHADOW_KINDS };
+
+typedef struct Pipeline {
+    VkPipelineLayout layout;
+    VkPipeline pipeline;
+} Pipeline;
+
+/* Set layouts and samplers: no memory to speak of, made with the context. */
+typedef struct Layouts {
+    Arena *arena;
+    VkDescriptorSetLayout none, lights, gi, irradiance, texture, sky;
+    VkSampler point; /* unfiltered, for shadow maps and the sky */
+    VkRenderPass shadow_pass;
+} Layouts;
+
+ChiaroResult chiaro_layouts_create(ChiaroVulkan *context);
+VkSampler chiaro_sampler_create(ChiaroVulkan *context, Arena *arena, VkFilter filter, VkSamplerAddressMode u,
+                                VkSamplerAddressMode v);
+VkDescriptorPool chiaro_pool_create(ChiaroVulkan *context, Arena *arena, uint32_t sets, uint32_t buffers,
+                                    uint32_t images);
+VkDescriptorSet chiaro_set_create(ChiaroVulkan *context, Arena *arena, VkDescriptorPool pool,
+                                  VkDescriptorSetLayout layout);
+void chiaro_set_buffer(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer);
+void chiaro_set_image(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, VkImageView view,
+                      VkSampler sampler, VkImageLayout layout);
+/* Makes every pipeline that the state of the context asks for and that does not exist yet. */
+ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context);
+/* Lets go of those that settings are compiled into. */
+void chiaro_pipelines_retire_forward(ChiaroVulkan *context);
+
+/* ---- scene.c ------------------------------------------------------------------------------------------------------ */
+
+/* A run of indices and all that drawing it needs. */
+typedef struct DrawPart {
+    uint32_t first_index, index_count, surface, shadow; /* SURFACE_, SHADOW_ */
+    uint32_t texture_set;                               /* CHIARO_NONE: none */
+    uint32_t in_shadow;                                 /* 0: its twin stands for it in shadow maps */
+    uint32_t shadow_first, shadow_count;
+    float low[3], high[3];
+    ChiaroMaterial material;
+} DrawPart;
+
+typedef struct SceneState {
+    Arena *arena;    /* mesh, textures */
+    Arena *gi_arena; /* baked transport */
+    DeviceBuffer vertices, indices, vertex_receivers;        /* what is drawn */
+    DeviceBuffer shadow_vertices, shadow_uvs, shadow_indices; /* what casts shadows: the scene as it was given */
+    DeviceBuffer samples, points, weights, sources, values, sample_links, sample_scales, receiver_links,
+        receiver_scales, irradiance;
+    VkDescriptorSet *texture_sets;
+    VkDescriptorSet gi_set, irradiance_set;
+    DrawPart *parts; /* sorted by surface */
+    uint32_t part_count, surfaces, shadows; /* bit masks of the kinds that occur */
+    uint32_t emitters; /* samples that emit */
+    float low[3], high[3];
+    ChiaroTransport transport; /* views into the host's memory */
+    uint64_t mesh_bytes, texture_bytes, gi_bytes;
+} SceneState;
+
+ChiaroResult chiaro_scene_upload(ChiaroVulkan *context, const ChiaroTransport *transport, VkCommandBuffer commands);
+void chiaro_scene_release(ChiaroVulkan *context);
+
+/* ---- lights.c ----------------------------------------------------------------------------------------------------- */
+
+typedef struct LightState {
+    ChiaroLight lights[CHIARO_MAX_LIGHTS];
+    ChiaroGpuLight gpu[CHIARO_MAX_LIGHTS];
+    bool stale[CHIARO_MAX_LIGHTS]; /* its shadow map must be drawn */
+    uint32_t count;
+    bool changed;
+    Arena *arena;
+    DeviceBuffer buffer;
+    VkDescriptorSet set;
+    VkFramebuffer *framebuffers; /* faces, then wide views */
+    uint32_t face_capacity, wide_capacity; /* lights with six faces; lights with one view */
+    uint64_t bytes;
+} LightState;
+
+/* Fits shadow views to the scene, grows or frees the maps. Without a scene there is nothing to do. */
+ChiaroResult chiaro_lights_prepare(ChiaroVulkan *context);
+void chiaro_lights_release(ChiaroVulkan *context);
+
+/* ---- sky.c -------------------------------------------------------------------------------------------------------- */
+
+typedef struct SkyState {
+    bool set;
+    bool changed;  /* the values of the leaves must go to the device */
+    ChiaroSky sky; /* a copy: later scenes need it too */
+    float *values; /* four floats a sky leaf of the scene */
+    Arena *arena;
+    VkImage image;
+    VkDescriptorSet descriptor;
+    Upload upload; /* until the image has been filled */
+    uint64_t bytes;
+} SkyState;
+
+ChiaroResult chiaro_sky_take(ChiaroVulkan *context, const ChiaroSky *sky);
+/* Values of the sky leaves of the scene. */
+ChiaroResult chiaro_sky_prepare(ChiaroVulkan *context);
+void chiaro_sky_release(ChiaroVulkan *context);
+
+/* ---- record.c ----------------------------------------------------------------------------------------------------- */
+
+void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands);
+void chiaro_record_draw(ChiaroVulkan *context, const ChiaroVulkanDraw *draw);
+
+/* ---- the context -------------------------------------------------------------------------------------------------- */
+
+struct ChiaroVulkan {
+    ChiaroVulkanDesc desc; /* resolved */
+    VulkanFunctions vk;
+    VkPhysicalDeviceMemoryProperties memory;
+    VkPhysicalDeviceLimits limits;
+    uint64_t frame; /* the last one recorded */
+    uint64_t device_bytes;
+    Arena *retired;
+    ChiaroVulkanSettings settings;
+    Layouts layouts;
+    SceneState scene;
+    LightState lights;
+    SkyState sky;
+    Arena *forward_arena; /* pipelines that settings are compiled into */
+    Arena *pipeline_arena; /* the others */
+    Pipeline forward[FORWARD_KINDS][SURFACE_KINDS], sky_background, gi[GI_PASSES], shadow[SHADOW_KINDS];
+    bool gi_changed; /* something that bounce light depends on has changed since the last update */
+    uint32_t dispatches, shadow_passes;
+    uint64_t updates;
+};
+
+bool chiaro_functions_load(ChiaroVulkan *context);
+
+static inline bool chiaro_vulkan_lit(const ChiaroVulkan *context)
+{
+    return context->scene.arena && context->lights.count > 0;
+}
+
+/* Bounce light is wanted, possible, and not black. */
+static inline bool chiaro_vulkan_gi(const ChiaroVulkan *context)
+{
+    return context->scene.gi_arena && !context->settings.gi_off &&
+           context->settings.component != CHIARO_COMPONENT_PUNCTUAL &&
+           (context->lights.count > 0 || context->scene.emitters > 0 ||
+            (context->sky.set && context->scene.transport.sky_count > 0));
+}
+
+/* The FORWARD_ bits of the state: shadowed lights are not in the pipelines of the indirect component. */
+static inline uint32_t chiaro_forward_lighting(const ChiaroVulkan *context)
+{
+    bool punctual = chiaro_vulkan_lit(context) && context->settings.component != CHIARO_COMPONENT_INDIRECT;
+    return (punctual ? FORWARD_LIT : 0u) | (chiaro_vulkan_gi(context) ? FORWARD_GI : 0u);
+}
+
+static inline bool chiaro_vulkan_background(const ChiaroVulkan *context)
+{
+    return context->sky.set && context->settings.component == CHIARO_COMPONENT_FULL;
+}
+
+#endif

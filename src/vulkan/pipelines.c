@@ -1,0 +1,505 @@
+/* Shaders, layouts and pipelines. Each pipeline is made when the state of the context first asks for it: a scene without
+ * textures, lights, masks or sky never has a pipeline, a binding or a line of shader for them.
+ *
+ * Descriptor sets of the forward pass: 0 lights and shadow maps, 1 irradiance, 2 textures; empty where left out.
+ */
+#include "context.h"
+
+#include <stddef.h>
+
+#include "spirv/forward.frag.h"
+#include "spirv/forward.vert.h"
+#include "spirv/forward_gi.vert.h"
+#include "spirv/forward_lit.frag.h"
+#include "spirv/forward_lit_textured.frag.h"
+#include "spirv/forward_textured.frag.h"
+#include "spirv/gather_receivers.comp.h"
+#include "spirv/gather_samples.comp.h"
+#include "spirv/samples_dark.comp.h"
+#include "spirv/samples_lit.comp.h"
+#include "spirv/shadow.vert.h"
+#include "spirv/shadow_mask.frag.h"
+#include "spirv/shadow_mask.vert.h"
+#include "spirv/shadow_mask_textured.frag.h"
+#include "spirv/sky.frag.h"
+#include "spirv/sky.vert.h"
+#include "spirv/tree.comp.h"
+
+typedef struct Shader {
+    const uint32_t *code;
+    size_t size;
+} Shader;
+
+#define SHADER(name) ((Shader){chiaro_##name, sizeof chiaro_##name})
+
+/* ---- layouts and sets --------------------------------------------------------------------------------------------- */
+
+static VkDescriptorSetLayout create_set_layout(ChiaroVulkan *context, Arena *arena, uint32_t count,
+                                               const VkDescriptorSetLayoutBinding *bindings)
+{
+    VkDescriptorSetLayoutCreateInfo info = {.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO,
+                                            .bindingCount = count,
+                                            .pBindings = bindings};
+    VkDescriptorSetLayout layout = VK_NULL_HANDLE;
+    if (arena->result != CHIARO_OK)
+        return layout;
+    VkResult result =
+        context->vk.CreateDescriptorSetLayout(context->desc.device, &info, context->desc.allocation_callbacks, &layout);
+    bool kept = chiaro_arena_keep(context, arena, result, "vkCreateDescriptorSetLayout",
+                                  VK_OBJECT_TYPE_DESCRIPTOR_SET_LAYOUT, (uint64_t)layout);
+    return kept ? layout : VK_NULL_HANDLE;
+}
+
+/* One attachment, D32: cleared, and left for sampling. Waits for the readers of the frame before. */
+static VkRenderPass create_shadow_pass(ChiaroVulkan *context, Arena *arena)
+{
+    VkRenderPass pass = VK_NULL_HANDLE;
+    if (arena->result != CHIARO_OK)
+        return pass;
+    VkAttachmentDescription attachment = {.format = VK_FORMAT_D32_SFLOAT,
+                                          .samples = VK_SAMPLE_COUNT_1_BIT,
+                                          .loadOp = VK_ATTACHMENT_LOAD_OP_CLEAR,
+                                          .storeOp = VK_ATTACHMENT_STORE_OP_STORE,
+                                          .stencilLoadOp = VK_ATTACHMENT_LOAD_OP_DONT_CARE,
+                                          .stencilStoreOp = VK_ATTACHMENT_STORE_OP_DONT_CARE,
+                                          .initialLayout = VK_IMAGE_LAYOUT_UNDEFINED,
+                                          .finalLayout = VK_IMAGE_LAYOUT_DEPTH_STENCIL_READ_ONLY_OPTIMAL};
+    VkAttachmentReference depth = {0, VK_IMAGE_LAYOUT_DEPTH_STENCIL_ATTACHMENT_OPTIMAL};
+    VkSubpassDescription subpass = {.pipelineBindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS,
+                                    .pDepthStencilAttachment = &depth};
+    VkPipelineStageFlags readers = VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT;
+    VkPipelineStageFlags tests =
+        VK_PIPELINE_STAGE_EARLY_FRAGMENT_TESTS_BIT | VK_PIPELINE_STAGE_LATE_FRAGMENT_TESTS_BIT;
+    VkAccessFlags writes =
+        VK_ACCESS_DEPTH_STENCIL_ATTACHMENT_READ_BIT | VK_ACCESS_DEPTH_STENCIL_ATTACHMENT_WRITE_BIT;
+    VkSubpassDependency dependencies[2] = {
+        {VK_SUBPASS_EXTERNAL, 0, readers, tests, 0, writes, 0},
+        {0, VK_SUBPASS_EXTERNAL, tests, readers, VK_ACCESS_DEPTH_STENCIL_ATTACHMENT_WRITE_BIT,
+         VK_ACCESS_SHADER_READ_BIT, 0},
+    };
+    VkRenderPassCreateInfo info = {.sType = VK_STRUCTURE_TYPE_RENDER_PASS_CREATE_INFO,
+                                   .attachmentCount = 1,
+                                   .pAttachments = &attachment,
+                                   .subpassCount = 1,
+                                   .pSubpasses = &subpass,
+                                   .dependencyCount = 2,
+                                   .pDependencies = dependencies};
+    VkResult result =
+        context->vk.CreateRenderPass(context->desc.device, &info, context->desc.allocation_callbacks, &pass);
+    bool kept = chiaro_arena_keep(context, arena, result, "vkCreateRenderPass", VK_OBJECT_TYPE_RENDER_PASS,
+                                  (uint64_t)pass);
+    return kept ? pass : VK_NULL_HANDLE;
+}
+
+ChiaroResult chiaro_layouts_create(ChiaroVulkan *context)
+{
+    Arena *arena = context->layouts.arena = chiaro_arena_create(context);
+    if (!arena)
+        return CHIARO_ERROR_MEMORY;
+    enum { GI_BINDINGS = 10 };
+    const VkShaderStageFlags fragment = VK_SHADER_STAGE_FRAGMENT_BIT, compute = VK_SHADER_STAGE_COMPUTE_BIT;
+    const VkDescriptorType buffer = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, image = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER;
+    VkDescriptorSetLayoutBinding lights[] = {{0, buffer, 1, fragment | compute, NULL},
+                                             {1, image, 1, fragment | compute, NULL},
+                                             {2, image, 1, fragment | compute, NULL}};
+    VkDescriptorSetLayoutBinding textures[] = {{0, image, 1, fragment, NULL}, {1, image, 1, fragment, NULL}};
+    VkDescriptorSetLayoutBinding irradiance[] = {{0, buffer, 1, VK_SHADER_STAGE_VERTEX_BIT, NULL}};
+    VkDescriptorSetLayoutBinding gi[GI_BINDINGS];
+    for (uint32_t i = 0; i < GI_BINDINGS; i++)
+        gi[i] = (VkDescriptorSetLayoutBinding){i, buffer, 1, compute, NULL};
+    Layouts *layouts = &context->layouts;
+    layouts->none = create_set_layout(context, arena, 0, NULL);
+    layouts->lights = create_set_layout(context, arena, 3, lights);
+    layouts->gi = create_set_layout(context, arena, GI_BINDINGS, gi);
+    layouts->irradiance = create_set_layout(context, arena, 1, irradiance);
+    layouts->texture = create_set_layout(context, arena, 2, textures);
+    layouts->sky = create_set_layout(context, arena, 1, textures);
+    layouts->shadow_pass = create_shadow_pass(context, arena);
+    layouts->point = chiaro_sampler_create(context, arena, VK_FILTER_NEAREST, VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE,
+                                           VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE);
+    return arena->result;
+}
+
+VkSampler chiaro_sampler_create(ChiaroVulkan *context, Arena *arena, VkFilter filter, VkSamplerAddressMode u,
+                                VkSamplerAddressMode v)
+{
+    VkSampler sampler = VK_NULL_HANDLE;
+    if (arena->result != CHIARO_OK)
+        return sampler;
+    VkSamplerCreateInfo info = {.sType = VK_STRUCTURE_TYPE_SAMPLER_CREATE_INFO,
+                                .magFilter = filter,
+                                .minFilter = filter,
+                                .mipmapMode = VK_SAMPLER_MIPMAP_MODE_NEAREST,
+                                .addressModeU = u,
+                                .addressModeV = v,
+                                .addressModeW = VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE};
+    VkResult result =
+        context->vk.CreateSampler(context->desc.device, &info, context->desc.allocation_callbacks, &sampler);
+    bool kept =
+        chiaro_arena_keep(context, arena, result, "vkCreateSampler", VK_OBJECT_TYPE_SAMPLER, (uint64_t)sampler);
+    return kept ? sampler : VK_NULL_HANDLE;
+}
+
+VkDescriptorPool chiaro_pool_create(ChiaroVulkan *context, Arena *arena, uint32_t sets, uint32_t buffers,
+                                    uint32_t images)
+{
+    VkDescriptorPool pool = VK_NULL_HANDLE;
+    if (arena->result != CHIARO_OK)
+        return pool;
+    VkDescriptorPoolSize sizes[2];
+    uint32_t count = 0;
+    if (buffers > 0)
+        sizes[count++] = (VkDescriptorPoolSize){VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, buffers};
+    if (images > 0)
+        sizes[count++] = (VkDescriptorPoolSize){VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, images};
+    VkDescriptorPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO,
+                                       .maxSets = sets,
+                                       .poolSizeCount = count,
+                                       .pPoolSizes = sizes};
+    VkResult result =
+        context->vk.CreateDescriptorPool(context->desc.device, &info, context->desc.allocation_callbacks, &pool);
+    bool kept = chiaro_arena_keep(context, arena, result, "vkCreateDescriptorPool", VK_OBJECT_TYPE_DESCRIPTOR_POOL,
+                                  (uint64_t)pool);
+    return kept ? pool : VK_NULL_HANDLE;
+}
+
+VkDescriptorSet chiaro_set_create(ChiaroVulkan *context, Arena *arena, VkDescriptorPool pool,
+                                  VkDescriptorSetLayout layout)
+{
+    VkDescriptorSet set = VK_NULL_HANDLE;
+    if (arena->result != CHIARO_OK)
+        return set;
+    VkDescriptorSetAllocateInfo info = {.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO,
+                                        .descriptorPool = pool,
+                                        .descriptorSetCount = 1,
+                                        .pSetLayouts = &layout};
+    VkResult result = context->vk.AllocateDescriptorSets(context->desc.device, &info, &set);
+    if (result != VK_SUCCESS)
+        arena->result = chiaro_vulkan_check(context, result, "vkAllocateDescriptorSets");
+    return set;
+}
+
+void chiaro_set_buffer(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer)
+{
+    VkDescriptorBufferInfo info = {buffer.buffer, 0, VK_WHOLE_SIZE};
+    VkWriteDescriptorSet write = {.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
+                                  .dstSet = set,
+                                  .dstBinding = binding,
+                                  .descriptorCount = 1,
+                                  .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                                  .pBufferInfo = &info};
+    context->vk.UpdateDescriptorSets(context->desc.device, 1, &write, 0, NULL);
+}
+
+void chiaro_set_image(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, VkImageView view,
+                      VkSampler sampler, VkImageLayout layout)
+{
+    VkDescriptorImageInfo info = {sampler, view, layout};
+    VkWriteDescriptorSet write = {.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
+                                  .dstSet = set,
+                                  .dstBinding = binding,
+                                  .descriptorCount = 1,
+                                  .descriptorType = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
+                                  .pImageInfo = &info};
+    context->vk.UpdateDescriptorSets(context->desc.device, 1, &write, 0, NULL);
+}
+
+/* ---- pipelines ---------------------------------------------------------------------------------------------------- */
+
+static VkPipelineLayout create_layout(ChiaroVulkan *context, Arena *arena, uint32_t count,
+                                      const VkDescriptorSetLayout *sets, VkShaderStageFlags stages, uint32_t push)
+{
+    VkPipelineLayout layout = VK_NULL_HANDLE;
+    if (arena->result != CHIARO_OK)
+        return layout;
+    VkPushConstantRange range = {stages, 0, push};
+    VkPipelineLayoutCreateInfo info = {.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO,
+                                       .setLayoutCount = count,
+                                       .pSetLayouts = sets,
+                                       .pushConstantRangeCount = 1,
+                                       .pPushConstantRanges = &range};
+    VkResult result =
+        context->vk.CreatePipelineLayout(context->desc.device, &info, context->desc.allocation_callbacks, &layout);
+    bool kept = chiaro_arena_keep(context, arena, result, "vkCreatePipelineLayout", VK_OBJECT_TYPE_PIPELINE_LAYOUT,
+                                  (uint64_t)layout);
+    return kept ? layout : VK_NULL_HANDLE;
+}
+
+static VkShaderModule create_module(ChiaroVulkan *context, Arena *arena, Shader shader)
+{
+    VkShaderModuleCreateInfo info = {
+        .sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, .codeSize = shader.size, .pCode = shader.code};
+    VkShaderModule module = VK_NULL_HANDLE;
+    if (arena->result != CHIARO_OK)
+        return module;
+    VkResult result =
+        context->vk.CreateShaderModule(context->desc.device, &info, context->desc.allocation_callbacks, &module);
+    if (result != VK_SUCCESS)
+        arena->result = chiaro_vulkan_check(context, result, "vkCreateShaderModule");
+    return module;
+}
+
+/* What distinguishes the graphics pipelines. */
+typedef struct GraphicsDesc {
+    Shader vertex, fragment; /* fragment.code NULL: depth only */
+    const VkSpecializationInfo *constants;
+    const VkPipelineVertexInputStateCreateInfo *input;
+    VkPipelineLayout layout;
+    VkRenderPass pass; /* VK_NULL_HANDLE: dynamic rendering with the formats of the host */
+    uint32_t subpass;
+    VkSampleCountFlagBits samples;
+    VkCullModeFlags cull;
+    VkCompareOp compare;
+    bool depth_write, color;
+} GraphicsDesc;
+
+static VkPipeline create_graphics(ChiaroVulkan *context, Arena *arena, const GraphicsDesc *desc)
+{
+    const VulkanFunctions *vk = &context->vk;
+    const VkAllocationCallbacks *callbacks = context->desc.allocation_callbacks;
+    VkShaderModule vertex = create_module(context, arena, desc->vertex);
+    VkShaderModule fragment =
+        desc->fragment.code ? create_module(context, arena, desc->fragment) : (VkShaderModule)VK_NULL_HANDLE;
+    VkPipelineShaderStageCreateInfo stages[2] = {{.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
+                                                  .stage = VK_SHADER_STAGE_VERTEX_BIT,
+                                                  .module = vertex,
+                                                  .pName = "main"},
+                                                 {.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
+                                                  .stage = VK_SHADER_STAGE_FRAGMENT_BIT,
+                                                  .module = fragment,
+                                                  .pName = "main",
+                                                  .pSpecializationInfo = desc->constants}};
+    VkPipelineInputAssemblyStateCreateInfo assembly = {
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO,
+        .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST};
+    VkPipelineViewportStateCreateInfo viewport = {.sType = VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO,
+                                                  .viewportCount = 1,
+                                                  .scissorCount = 1};
+    VkPipelineRasterizationStateCreateInfo raster = {
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO,
+        .polygonMode = VK_POLYGON_MODE_FILL,
+        .cullMode = desc->cull,
+        .frontFace = VK_FRONT_FACE_COUNTER_CLOCKWISE,
+        .lineWidth = 1};
+    VkPipelineMultisampleStateCreateInfo multisample = {
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO, .rasterizationSamples = desc->samples};
+    VkPipelineDepthStencilStateCreateInfo depth = {.sType = VK_STRUCTURE_TYPE_PIPELINE_DEPTH_STENCIL_STATE_CREATE_INFO,
+                                                   .depthTestEnable = VK_TRUE,
+                                                   .depthWriteEnable = desc->depth_write,
+                                                   .depthCompareOp = desc->compare};
+    VkPipelineColorBlendAttachmentState attachment = {.colorWriteMask = 0xf};
+    VkPipelineColorBlendStateCreateInfo blend = {.sType = VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO,
+                                                 .attachmentCount = desc->color ? 1 : 0,
+                                                 .pAttachments = &attachment};
+    VkDynamicState dynamic_states[2] = {VK_DYNAMIC_STATE_VIEWPORT, VK_DYNAMIC_STATE_SCISSOR};
+    VkPipelineDynamicStateCreateInfo dynamic = {.sType = VK_STRUCTURE_TYPE_PIPELINE_DYNAMIC_STATE_CREATE_INFO,
+                                                .dynamicStateCount = 2,
+                                                .pDynamicStates = dynamic_states};
+    VkPipelineRenderingCreateInfo rendering = {.sType = VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO,
+                                               .colorAttachmentCount = 1,
+                                               .pColorAttachmentFormats = &context->desc.color_format,
+                                               .depthAttachmentFormat = context->desc.depth_format,
+                                               .stencilAttachmentFormat = context->desc.stencil_format};
+    VkGraphicsPipelineCreateInfo info = {.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO,
+                                         .pNext = desc->pass ? NULL : &rendering,
+                                         .stageCount = desc->fragment.code ? 2 : 1,
+                                         .pStages = stages,
+                                         .pVertexInputState = desc->input,
+                                         .pInputAssemblyState = &assembly,
+                                         .pViewportState = &viewport,
+                                         .pRasterizationState = &raster,
+                                         .pMultisampleState = &multisample,
+                                         .pDepthStencilState = &depth,
+                                         .pColorBlendState = &blend,
+                                         .pDynamicState = &dynamic,
+                                         .layout = desc->layout,
+                                         .renderPass = desc->pass,
+                                         .subpass = desc->subpass};
+    VkPipeline pipeline = VK_NULL_HANDLE;
+    bool kept = false;
+    if (arena->result == CHIARO_OK) {
+        VkResult result = vk->CreateGraphicsPipelines(context->desc.device, context->desc.pipeline_cache, 1, &info,
+                                                      callbacks, &pipeline);
+        kept = chiaro_arena_keep(context, arena, result, "vkCreateGraphicsPipelines", VK_OBJECT_TYPE_PIPELINE,
+                                 (uint64_t)pipeline);
+    }
+    vk->DestroyShaderModule(context->desc.device, vertex, callbacks);
+    vk->DestroyShaderModule(context->desc.device, fragment, callbacks);
+    return kept ? pipeline : VK_NULL_HANDLE;
+}
+
+/* The constants that forward and sky fragment shaders are specialised by. */
+typedef struct ForwardConstants {
+    uint32_t component;
+    VkBool32 tone_map, masked;
+} ForwardConstants;
+
+static const VkSpecializationMapEntry forward_entries[3] = {{0, offsetof(ForwardConstants, component), 4},
+                                                            {1, offsetof(ForwardConstants, tone_map), 4},
+                                                            {2, offsetof(ForwardConstants, masked), 4}};
+
+static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lighting, uint32_t surface)
+{
+    bool lit = lighting & FORWARD_LIT, gi = lighting & FORWARD_GI, textured = surface & SURFACE_TEXTURED;
+    const Layouts *layouts = &context->layouts;
+    VkDescriptorSetLayout sets[3] = {lit ? layouts->lights : layouts->none, gi ? layouts->irradiance : layouts->none,
+                                     textured ? layouts->texture : layouts->none};
+    VkVertexInputBindingDescription bindings[2] = {{0, sizeof(ChiaroVertex), VK_VERTEX_INPUT_RATE_VERTEX},
+                                                   {1, sizeof(uint32_t), VK_VERTEX_INPUT_RATE_VERTEX}};
+    VkVertexInputAttributeDescription attributes[6] = {
+        {0, 0, VK_FORMAT_R32G32B32_SFLOAT, offsetof(ChiaroVertex, position)},
+        {1, 0, VK_FORMAT_R32G32B32_SFLOAT, offsetof(ChiaroVertex, normal)},
+        {2, 0, VK_FORMAT_R32G32_SFLOAT, offsetof(ChiaroVertex, uv)},
+        {3, 0, VK_FORMAT_R32G32_SFLOAT, offsetof(ChiaroVertex, emission_uv)},
+        {4, 0, VK_FORMAT_R32G32B32A32_SFLOAT, offsetof(ChiaroVertex, color)},
+        {5, 1, VK_FORMAT_R32_UINT, 0}};
+    VkPipelineVertexInputStateCreateInfo input = {.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO,
+                                                  .vertexBindingDescriptionCount = gi ? 2 : 1,
+                                                  .pVertexBindingDescriptions = bindings,
+                                                  .vertexAttributeDescriptionCount = gi ? 6 : 5,
+                                                  .pVertexAttributeDescriptions = attributes};
+    ForwardConstants constants = {context->settings.component, context->settings.tone_map,
+                                  (surface & SURFACE_MASKED) != 0};
+    VkSpecializationInfo specialization = {3, forward_entries, sizeof constants, &constants};
+    Pipeline made = {create_layout(context, arena, 3, sets, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT,
+                                   sizeof(ChiaroForwardPush)),
+                     VK_NULL_HANDLE};
+    Shader lit_fragment = textured ? SHADER(forward_lit_textured_frag) : SHADER(forward_lit_frag);
+    Shader fragment = textured ? SHADER(forward_textured_frag) : SHADER(forward_frag);
+    GraphicsDesc desc = {.vertex = gi ? SHADER(forward_gi_vert) : SHADER(forward_vert),
+                         .fragment = lit ? lit_fragment : fragment,
+                         .constants = &specialization,
+                         .input = &input,
+                         .layout = made.layout,
+                         .pass = context->desc.render_pass,
+                         .subpass = context->desc.subpass,
+                         .samples = context->desc.samples,
+                         .cull = surface & SURFACE_TWINNED ? VK_CULL_MODE_BACK_BIT : VK_CULL_MODE_NONE,
+                         .compare = context->desc.reversed_z ? VK_COMPARE_OP_GREATER : VK_COMPARE_OP_LESS,
+                         .depth_write = true,
+                         .color = true};
+    made.pipeline = create_graphics(context, arena, &desc);
+    return made;
+}
+
+static Pipeline create_shadow(ChiaroVulkan *context, Arena *arena, uint32_t kind)
+{
+    bool masked = kind != SHADOW_OPAQUE, textured = kind == SHADOW_MASKED_TEXTURED;
+    VkVertexInputBindingDescription bindings[2] = {{0, 3 * sizeof(float), VK_VERTEX_INPUT_RATE_VERTEX},
+                                                   {1, 3 * sizeof(float), VK_VERTEX_INPUT_RATE_VERTEX}};
+    VkVertexInputAttributeDescription attributes[2] = {{0, 0, VK_FORMAT_R32G32B32_SFLOAT, 0},
+                                                       {1, 1, VK_FORMAT_R32G32B32_SFLOAT, 0}};
+    VkPipelineVertexInputStateCreateInfo input = {.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO,
+                                                  .vertexBindingDescriptionCount = masked ? 2 : 1,
+                                                  .pVertexBindingDescriptions = bindings,
+                                                  .vertexAttributeDescriptionCount = masked ? 2 : 1,
+                                                  .pVertexAttributeDescriptions = attributes};
+    VkDescriptorSetLayout set = textured ? context->layouts.texture : context->layouts.none;
+    Pipeline made = {create_layout(context, arena, 1, &set, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT,
+                                   sizeof(ChiaroShadowPush)),
+                     VK_NULL_HANDLE};
+    Shader mask = textured ? SHADER(shadow_mask_textured_frag) : SHADER(shadow_mask_frag);
+    GraphicsDesc desc = {.vertex = masked ? SHADER(shadow_mask_vert) : SHADER(shadow_vert),
+                         .fragment = masked ? mask : (Shader){NULL, 0},
+                         .input = &input,
+                         .layout = made.layout,
+                         .pass = context->layouts.shadow_pass,
+                         .samples = VK_SAMPLE_COUNT_1_BIT,
+                         .cull = VK_CULL_MODE_NONE, /* both sides block */
+                         .compare = VK_COMPARE_OP_GREATER,
+                         .depth_write = true};
+    made.pipeline = create_graphics(context, arena, &desc);
+    return made;
+}
+
+static Pipeline create_background(ChiaroVulkan *context, Arena *arena)
+{
+    VkPipelineVertexInputStateCreateInfo input = {.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO};
+    ForwardConstants constants = {0, context->settings.tone_map, VK_FALSE};
+    VkSpecializationInfo specialization = {3, forward_entries, sizeof constants, &constants};
+    Pipeline made = {create_layout(context, arena, 1, &context->layouts.sky,
+                                   VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, sizeof(ChiaroSkyPush)),
+                     VK_NULL_HANDLE};
+    GraphicsDesc desc = {.vertex = SHADER(sky_vert),
+                         .fragment = SHADER(sky_frag),
+                         .constants = &specialization,
+                         .input = &input,
+                         .layout = made.layout,
+                         .pass = context->desc.render_pass,
+                         .subpass = context->desc.subpass,
+                         .samples = context->desc.samples,
+                         .cull = VK_CULL_MODE_NONE,
+                         .compare = VK_COMPARE_OP_EQUAL, /* where the cleared depth is left */
+                         .color = true};
+    made.pipeline = create_graphics(context, arena, &desc);
+    return made;
+}
+
+static Pipeline create_gi(ChiaroVulkan *context, Arena *arena, uint32_t pass)
+{
+    static const Shader shaders[GI_PASSES] = {
+        [GI_SAMPLES_LIT] = {chiaro_samples_lit_comp, sizeof chiaro_samples_lit_comp},
+        [GI_SAMPLES_DARK] = {chiaro_samples_dark_comp, sizeof chiaro_samples_dark_comp},
+        [GI_TREE] = {chiaro_tree_comp, sizeof chiaro_tree_comp},
+        [GI_GATHER_SAMPLES] = {chiaro_gather_samples_comp, sizeof chiaro_gather_samples_comp},
+        [GI_GATHER_RECEIVERS] = {chiaro_gather_receivers_comp, sizeof chiaro_gather_receivers_comp}};
+    VkDescriptorSetLayout sets[2] = {context->layouts.gi, context->layouts.lights};
+    Pipeline made = {create_layout(context, arena, pass == GI_SAMPLES_LIT ? 2 : 1, sets, VK_SHADER_STAGE_COMPUTE_BIT,
+                                   sizeof(ChiaroComputePush)),
+                     VK_NULL_HANDLE};
+    VkShaderModule module = create_module(context, arena, shaders[pass]);
+    VkComputePipelineCreateInfo info = {.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO,
+                                        .stage = {.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
+                                                  .stage = VK_SHADER_STAGE_COMPUTE_BIT,
+                                                  .module = module,
+                                                  .pName = "main"},
+                                        .layout = made.layout};
+    if (arena->result == CHIARO_OK) {
+        VkPipeline pipeline = VK_NULL_HANDLE;
+        VkResult result = context->vk.CreateComputePipelines(context->desc.device, context->desc.pipeline_cache, 1,
+                                                             &info, context->desc.allocation_callbacks, &pipeline);
+        if (chiaro_arena_keep(context, arena, result, "vkCreateComputePipelines", VK_OBJECT_TYPE_PIPELINE,
+                              (uint64_t)pipeline))
+            made.pipeline = pipeline;
+    }
+    context->vk.DestroyShaderModule(context->desc.device, module, context->desc.allocation_callbacks);
+    return made;
+}
+
+void chiaro_pipelines_retire_forward(ChiaroVulkan *context)
+{
+    chiaro_arena_retire(context, &context->forward_arena);
+    memset(context->forward, 0, sizeof context->forward);
+    memset(&context->sky_background, 0, sizeof context->sky_background);
+}
+
+/* The failure of an arena is reported once: what exists stays good, what is missing is tried again next time. */
+static ChiaroResult take_result(Arena *arena)
+{
+    ChiaroResult result = arena->result;
+    arena->result = CHIARO_OK;
+    return result;
+}
+
+ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
+{
+    if (!context->forward_arena && !(context->forward_arena = chiaro_arena_create(context)))
+        return CHIARO_ERROR_MEMORY;
+    if (!context->pipeline_arena && !(context->pipeline_arena = chiaro_arena_create(context)))
+        return CHIARO_ERROR_MEMORY;
+    bool lit = chiaro_vulkan_lit(context), gi = chiaro_vulkan_gi(context);
+    uint32_t lighting = chiaro_forward_lighting(context);
+    for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++)
+        if ((context->scene.surfaces >> kind & 1) && !context->forward[lighting][kind].pipeline)
+            context->forward[lighting][kind] = create_forward(context, context->forward_arena, lighting, kind);
+    if (chiaro_vulkan_background(context) && !context->sky_background.pipeline)
+        context->sky_background = create_background(context, context->forward_arena);
+    for (uint32_t kind = 0; lit && kind < SHADOW_KINDS; kind++)
+        if ((context->scene.shadows >> kind & 1) && !context->shadow[kind].pipeline)
+            context->shadow[kind] = create_shadow(context, context->pipeline_arena, kind);
+    for (uint32_t pass = 0; gi && pass < GI_PASSES; pass++)
+        if (pass != (lit ? GI_SAMPLES_DARK : GI_SAMPLES_LIT) && !context->gi[pass].pipeline)
+            context->gi[pass] = create_gi(context, context->pipeline_arena, pass);
+    ChiaroResult forward = take_result(context->forward_arena), other = take_result(context->pipeline_arena);
+    return forward != CHIARO_OK ? forward : other;
+}

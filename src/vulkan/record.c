@@ -1,0 +1,352 @@
+/* The frame: what update() and draw() record. Nothing here allocates or creates.
+ *
+ * update: shadow maps -> direct light at samples -> tree -> bounces at samples -> tree -> irradiance at receivers.
+ * Every pass is recorded only if something it depends on has changed.
+ */
+#include "context.h"
+
+#include <math.h>
+
+#include "../core/vec.h"
+
+/* ---- shadow maps -------------------------------------------------------------------------------------------------- */
+
+/* The axes of one view of a light, as chiaro_shadow_place in chiaro.glsl chooses them. */
+static void shadow_axes(const ChiaroGpuLight *light, uint32_t face, Vec3 *right, Vec3 *up, Vec3 *forward)
+{
+    if (!light->info[1]) {
+        *right = vec3_load(light->right);
+        *up = vec3_load(light->up);
+        *forward = vec3_load(light->direction);
+        return;
+    }
+    const Vec3 axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    *right = axes[(face / 2 + 1) % 3];
+    *up = axes[(face / 2 + 2) % 3];
+    *forward = vec3_scale(axes[face / 2], face % 2 ? -1.0f : 1.0f);
+}
+
+static ChiaroShadowPush shadow_view(const ChiaroGpuLight *light, uint32_t face)
+{
+    Vec3 right, up, forward;
+    ChiaroShadowPush push = {.position = {light->position[0], light->position[1], light->position[2]}};
+    shadow_axes(light, face, &right, &up, &forward);
+    push.position[3] = light->info[0] == CHIARO_LIGHT_SUN ? 1.0f : 0.0f;
+    vec3_store(push.right, vec3_scale(right, 1 / light->right[3]));
+    vec3_store(push.up, vec3_scale(up, 1 / light->up[3]));
+    vec3_store(push.forward, forward);
+    push.forward[3] = light->shadow[0];
+    return push;
+}
+
+/* True if the whole box lies behind a plane through the light. */
+static bool box_outside(const DrawPart *part, Vec3 origin, Vec3 normal)
+{
+    Vec3 p = {normal.x > 0 ? part->high[0] : part->low[0], normal.y > 0 ? part->high[1] : part->low[1],
+              normal.z > 0 ? part->high[2] : part->low[2]};
+    return vec3_dot(vec3_sub(p, origin), normal) < 0;
+}
+
+static bool part_in_view(const DrawPart *part, const ChiaroShadowPush *view)
+{
+    if (view->position[3] > 0)
+        return true; /* a sun sees everything */
+    Vec3 origin = vec3_load(view->position), forward = vec3_load(view->forward);
+    Vec3 right = vec3_load(view->right), up = vec3_load(view->up);
+    return !box_outside(part, origin, vec3_add(forward, right)) && !box_outside(part, origin, vec3_sub(forward, right)) &&
+           !box_outside(part, origin, vec3_add(forward, up)) && !box_outside(part, origin, vec3_sub(forward, up));
+}
+
+static void draw_shadow_parts(ChiaroVulkan *context, VkCommandBuffer commands, ChiaroShadowPush *push)
+{
+    const VulkanFunctions *vk = &context->vk;
+    const SceneState *scene = &context->scene;
+    const VkShaderStageFlags stages = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT;
+    uint32_t bound = SHADOW_KINDS;
+    for (uint32_t i = 0; i < scene->part_count; i++) {
+        const DrawPart *part = &scene->parts[i];
+        if (!part->in_shadow || part->shadow_count == 0 || !part_in_view(part, push))
+            continue;
+        const Pipeline *pipeline = &context->shadow[part->shadow];
+        if (part->shadow != bound) {
+            vk->CmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->pipeline);
+            vk->CmdPushConstants(commands, pipeline->layout, stages, 0, sizeof *push, push);
+            bound = part->shadow;
+        }
+        if (part->shadow != SHADOW_OPAQUE) {
+            push->alpha[0] = part->material.alpha;
+            push->alpha[1] = part->material.alpha_cutoff;
+            vk->CmdPushConstants(commands, pipeline->layout, stages, 0, sizeof *push, push);
+            if (part->shadow == SHADOW_MASKED_TEXTURED)
+                vk->CmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->layout, 0, 1,
+                                          &scene->texture_sets[part->texture_set], 0, NULL);
+        }
+        vk->CmdDrawIndexed(commands, part->shadow_count, 1, part->shadow_first, 0, 0);
+    }
+}
+
+static void record_shadow_map(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroGpuLight *light,
+                              uint32_t face)
+{
+    const VulkanFunctions *vk = &context->vk;
+    const SceneState *scene = &context->scene;
+    const LightState *lights = &context->lights;
+    uint32_t first = light->info[1] ? 0 : 6 * lights->face_capacity;
+    uint32_t size = light->info[1] ? context->desc.face_shadow_size : context->desc.wide_shadow_size;
+    VkClearValue clear = {.depthStencil = {0, 0}};
+    VkRenderPassBeginInfo begin = {.sType = VK_STRUCTURE_TYPE_RENDER_PASS_BEGIN_INFO,
+                                   .renderPass = context->layouts.shadow_pass,
+                                   .framebuffer = lights->framebuffers[first + light->info[2] + face],
+                                   .renderArea = {{0, 0}, {size, size}},
+                                   .clearValueCount = 1,
+                                   .pClearValues = &clear};
+    VkViewport viewport = {0, 0, (float)size, (float)size, 0, 1};
+    VkBuffer vertices[2] = {scene->shadow_vertices.buffer, scene->shadow_uvs.buffer};
+    VkDeviceSize offsets[2] = {0, 0};
+    ChiaroShadowPush push = shadow_view(light, face);
+    vk->CmdBeginRenderPass(commands, &begin, VK_SUBPASS_CONTENTS_INLINE);
+    vk->CmdSetViewport(commands, 0, 1, &viewport);
+    vk->CmdSetScissor(commands, 0, 1, &begin.renderArea);
+    vk->CmdBindVertexBuffers(commands, 0, vertices[1] ? 2 : 1, vertices, offsets);
+    vk->CmdBindIndexBuffer(commands, scene->shadow_indices.buffer, 0, VK_INDEX_TYPE_UINT32);
+    draw_shadow_parts(context, commands, &push);
+    vk->CmdEndRenderPass(commands);
+    context->shadow_passes++;
+}
+
+static void record_shadow_maps(ChiaroVulkan *context, VkCommandBuffer commands)
+{
+    LightState *lights = &context->lights;
+    for (uint32_t i = 0; i < lights->count; i++) {
+        uint32_t faces = lights->gpu[i].info[1] ? 6 : 1;
+        for (uint32_t face = 0; lights->stale[i] && face < faces; face++)
+            record_shadow_map(context, commands, &lights->gpu[i], face);
+        lights->stale[i] = false;
+    }
+}
+
+/* ---- bounce light ------------------------------------------------------------------------------------------------- */
+
+static void barrier(ChiaroVulkan *context, VkCommandBuffer commands, VkPipelineStageFlags from, VkAccessFlags writes,
+                    VkPipelineStageFlags to, VkAccessFlags accesses)
+{
+    VkMemoryBarrier memory = {
+        .sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER, .srcAccessMask = writes, .dstAccessMask = accesses};
+    context->vk.CmdPipelineBarrier(commands, from, to, 0, 1, &memory, 0, NULL, 0, NULL);
+}
+
+static void dispatch(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t pass, uint32_t count,
+                     const ChiaroComputePush *push)
+{
+    const VulkanFunctions *vk = &context->vk;
+    const Pipeline *pipeline = &context->gi[pass];
+    if (count == 0)
+        return;
+    const VkDescriptorSet sets[2] = {context->scene.gi_set, context->lights.set};
+    vk->CmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline->pipeline);
+    vk->CmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline->layout, 0,
+                              pass == GI_SAMPLES_LIT ? 2 : 1, sets, 0, NULL);
+    vk->CmdPushConstants(commands, pipeline->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof *push, push);
+    vk->CmdDispatch(commands, (count + CHIARO_GROUP_SIZE - 1) / CHIARO_GROUP_SIZE, 1, 1);
+    barrier(context, commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT,
+            VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT);
+    context->dispatches++;
+}
+
+/* Inner nodes of one half of the values. */
+static void record_tree(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t half)
+{
+    const ChiaroTransport *t = &context->scene.transport;
+    uint32_t small = t->small_node_end - t->leaf_count, large = t->node_count - t->small_node_end;
+    ChiaroComputePush push = {.range = {t->leaf_count, small}, .more = {half}};
+    dispatch(context, commands, GI_TREE, small, &push);
+    push.range[0] = t->small_node_end;
+    push.range[1] = large;
+    dispatch(context, commands, GI_TREE, large, &push);
+}
+
+static void record_gi(ChiaroVulkan *context, VkCommandBuffer commands)
+{
+    const ChiaroTransport *t = &context->scene.transport;
+    uint32_t lit = chiaro_vulkan_lit(context) ? GI_SAMPLES_LIT : GI_SAMPLES_DARK;
+    ChiaroComputePush samples = {.range = {0, t->sample_count}};
+    dispatch(context, commands, lit, t->sample_count, &samples);
+    record_tree(context, commands, 0);
+    ChiaroComputePush bounces = {.range = {0, t->sample_count, t->info.sample_links},
+                                 .more = {t->node_count, t->leaf_count}};
+    dispatch(context, commands, GI_GATHER_SAMPLES, t->leaf_count, &bounces);
+    record_tree(context, commands, t->node_count);
+    ChiaroComputePush receivers = {.range = {0, t->receiver_count, t->info.receiver_links, t->node_count}};
+    dispatch(context, commands, GI_GATHER_RECEIVERS, t->receiver_count, &receivers);
+}
+
+/* ---- update ------------------------------------------------------------------------------------------------------- */
+
+/* vkCmdUpdateBuffer takes at most 65536 bytes at a time. */
+static void write_buffer(ChiaroVulkan *context, VkCommandBuffer commands, DeviceBuffer buffer, uint64_t offset,
+                         const void *data, uint64_t size)
+{
+    for (uint64_t done = 0; done < size; done += 65536) {
+        uint64_t piece = size - done < 65536 ? size - done : 65536;
+        context->vk.CmdUpdateBuffer(commands, buffer.buffer, offset + done, piece, (const char *)data + done);
+    }
+}
+
+static void write_lights(ChiaroVulkan *context, VkCommandBuffer commands)
+{
+    const LightState *lights = &context->lights;
+    const uint32_t count[4] = {lights->count, 0, 0, 0};
+    write_buffer(context, commands, lights->buffer, 0, count, sizeof count);
+    write_buffer(context, commands, lights->buffer, sizeof count, lights->gpu, lights->count * sizeof lights->gpu[0]);
+}
+
+static void fill_sky_image(ChiaroVulkan *context, VkCommandBuffer commands)
+{
+    SkyState *sky = &context->sky;
+    sky->upload.commands = commands;
+    chiaro_upload_image(context, &sky->upload, sky->image, sky->sky.width, sky->sky.height, 16);
+    chiaro_arena_retire(context, &sky->upload.arena);
+}
+
+void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands)
+{
+    const ChiaroTransport *transport = &context->scene.transport;
+    bool lit = chiaro_vulkan_lit(context), gi = chiaro_vulkan_gi(context);
+    bool lights = lit && context->lights.changed, leaves = gi && context->sky.changed;
+    bool bounce = gi && context->gi_changed;
+    context->dispatches = context->shadow_passes = 0;
+    if (context->sky.upload.arena)
+        fill_sky_image(context, commands);
+    if (lights || leaves || bounce) {
+        /* The frames before may still read what is written now. */
+        VkPipelineStageFlags readers = VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT |
+                                       VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
+        barrier(context, commands, readers, 0, VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
+                0);
+        if (lights)
+            write_lights(context, commands);
+        if (leaves && context->sky.values)
+            write_buffer(context, commands, context->scene.values, 16 * (uint64_t)transport->sample_count,
+                         context->sky.values, 16 * (uint64_t)transport->sky_count);
+        barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT,
+                VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT);
+        context->updates++;
+    }
+    if (lights)
+        record_shadow_maps(context, commands);
+    if (bounce) {
+        record_gi(context, commands);
+        barrier(context, commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT,
+                VK_PIPELINE_STAGE_VERTEX_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT);
+    }
+    context->lights.changed &= !lit;
+    context->sky.changed &= !gi;
+    context->gi_changed &= !gi;
+}
+
+/* ---- draw --------------------------------------------------------------------------------------------------------- */
+
+/* Column-major c = a b. */
+static void multiply(const float a[16], const float b[16], float c[16])
+{
+    for (int column = 0; column < 4; column++)
+        for (int row = 0; row < 4; row++) {
+            float sum = 0;
+            for (int k = 0; k < 4; k++)
+                sum += a[4 * k + row] * b[4 * column + k];
+            c[4 * column + row] = sum;
+        }
+}
+
+/* The eye of a rigid view matrix: -R^T t. */
+static Vec3 eye_of(const float view[16])
+{
+    Vec3 t = {view[12], view[13], view[14]};
+    return vec3(-(view[0] * t.x + view[1] * t.y + view[2] * t.z), -(view[4] * t.x + view[5] * t.y + view[6] * t.z),
+                -(view[8] * t.x + view[9] * t.y + view[10] * t.z));
+}
+
+static void draw_parts(ChiaroVulkan *context, const ChiaroVulkanDraw *draw, float exposure)
+{
+    const VulkanFunctions *vk = &context->vk;
+    const SceneState *scene = &context->scene;
+    VkCommandBuffer commands = draw->command_buffer;
+    const VkShaderStageFlags stages = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT;
+    uint32_t lighting = chiaro_forward_lighting(context), bound = SURFACE_KINDS;
+    VkBuffer vertices[2] = {scene->vertices.buffer, scene->vertex_receivers.buffer};
+    VkDeviceSize offsets[2] = {0, 0};
+    ChiaroForwardPush push;
+    multiply(draw->projection, draw->view, push.view_projection);
+    vec3_store(push.eye, eye_of(draw->view));
+    push.eye[3] = exposure;
+    vk->CmdBindVertexBuffers(commands, 0, lighting & FORWARD_GI ? 2 : 1, vertices, offsets);
+    vk->CmdBindIndexBuffer(commands, scene->indices.buffer, 0, VK_INDEX_TYPE_UINT32);
+    for (uint32_t i = 0; i < scene->part_count; i++) {
+        const DrawPart *part = &scene->parts[i];
+        const ChiaroMaterial *material = &part->material;
+        const Pipeline *pipeline = &context->forward[lighting][part->surface];
+        if (part->index_count == 0)
+            continue;
+        if (part->surface != bound) {
+            vk->CmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->pipeline);
+            if (lighting & FORWARD_LIT)
+                vk->CmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->layout, 0, 1,
+                                          &context->lights.set, 0, NULL);
+            if (lighting & FORWARD_GI)
+                vk->CmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->layout, 1, 1,
+                                          &scene->irradiance_set, 0, NULL);
+            bound = part->surface;
+        }
+        if (part->surface & SURFACE_TEXTURED)
+            vk->CmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->layout, 2, 1,
+                                      &scene->texture_sets[part->texture_set], 0, NULL);
+        memcpy(push.albedo, material->albedo, sizeof material->albedo);
+        memcpy(push.emission, material->emission, sizeof material->emission);
+        push.albedo[3] = material->alpha;
+        push.emission[3] = material->alpha_cutoff;
+        push.flags[0] = material->albedo_texture != CHIARO_NONE;
+        push.flags[1] = material->emission_texture != CHIARO_NONE;
+        push.flags[2] = push.flags[3] = 0;
+        vk->CmdPushConstants(commands, pipeline->layout, stages, 0, sizeof push, &push);
+        vk->CmdDrawIndexed(commands, part->index_count, 1, part->first_index, 0, 0);
+    }
+}
+
+/* The way that a corner of the picture looks at: a perspective view and its inverse, without the eye's place. */
+static void corner_direction(const ChiaroVulkanDraw *draw, float x, float y, float direction[4])
+{
+    const float *p = draw->projection, *v = draw->view;
+    /* In the view, at depth -1: clip x is p0 vx + p8 vz, clip w is -vz. */
+    Vec3 d = {(x + p[8]) / p[0], (y + p[9]) / p[5], -1};
+    direction[0] = v[0] * d.x + v[1] * d.y + v[2] * d.z;
+    direction[1] = v[4] * d.x + v[5] * d.y + v[6] * d.z;
+    direction[2] = v[8] * d.x + v[9] * d.y + v[10] * d.z;
+    direction[3] = 0;
+}
+
+static void draw_sky(ChiaroVulkan *context, const ChiaroVulkanDraw *draw, float exposure)
+{
+    const VulkanFunctions *vk = &context->vk;
+    const Pipeline *pipeline = &context->sky_background;
+    ChiaroSkyPush push = {.tone = {exposure, context->desc.reversed_z ? 0.0f : 1.0f, 0, 0}};
+    corner_direction(draw, -1, -1, push.corner0);
+    corner_direction(draw, 3, -1, push.corner1);
+    corner_direction(draw, -1, 3, push.corner2);
+    vk->CmdBindPipeline(draw->command_buffer, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->pipeline);
+    vk->CmdBindDescriptorSets(draw->command_buffer, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->layout, 0, 1,
+                              &context->sky.descriptor, 0, NULL);
+    vk->CmdPushConstants(draw->command_buffer, pipeline->layout,
+                         VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, 0, sizeof push, &push);
+    vk->CmdDraw(draw->command_buffer, 3, 1, 0, 0);
+}
+
+void chiaro_record_draw(ChiaroVulkan *context, const ChiaroVulkanDraw *draw)
+{
+    float exposure = exp2f(context->settings.exposure);
+    context->vk.CmdSetViewport(draw->command_buffer, 0, 1, &draw->viewport);
+    context->vk.CmdSetScissor(draw->command_buffer, 0, 1, &draw->scissor);
+    draw_parts(context, draw, exposure);
+    /* A sky that no update has copied yet is not there yet. */
+    if (chiaro_vulkan_background(context) && !context->sky.upload.arena)
+        draw_sky(context, draw, exposure);
+}

@@ -1,0 +1,377 @@
+/* A baked scene goes to the device: the subdivided mesh that is drawn, the coarse one that casts shadows, textures, and
+ * the transport. All is created first, then one staging buffer of the right size carries everything.
+ */
+#include "context.h"
+
+#include <math.h>
+
+#include "../core/log.h"
+
+static VkSamplerAddressMode address_mode(uint32_t wrap)
+{
+    switch (wrap) {
+    case CHIARO_WRAP_CLAMP: return VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE;
+    case CHIARO_WRAP_MIRROR: return VK_SAMPLER_ADDRESS_MODE_MIRRORED_REPEAT;
+    default: return VK_SAMPLER_ADDRESS_MODE_REPEAT;
+    }
+}
+
+static bool is_textured(const ChiaroMaterial *material)
+{
+    return material->albedo_texture != CHIARO_NONE || material->emission_texture != CHIARO_NONE;
+}
+
+/* Bounds of all vertices, and of one part's. */
+static void grow_bounds(float low[3], float high[3], const float position[3])
+{
+    for (int axis = 0; axis < 3; axis++) {
+        low[axis] = position[axis] < low[axis] ? position[axis] : low[axis];
+        high[axis] = position[axis] > high[axis] ? position[axis] : high[axis];
+    }
+}
+
+static void describe_part(const ChiaroTransport *transport, uint32_t index, DrawPart *part)
+{
+    const ChiaroScene *scene = &transport->scene;
+    const ChiaroPart *fine = &transport->parts[index], *coarse = &scene->parts[index];
+    *part = (DrawPart){.first_index = fine->first_index,
+                       .index_count = fine->index_count,
+                       .texture_set = CHIARO_NONE,
+                       .in_shadow = 1,
+                       .shadow_first = coarse->first_index,
+                       .shadow_count = coarse->index_count,
+                       .low = {INFINITY, INFINITY, INFINITY},
+                       .high = {-INFINITY, -INFINITY, -INFINITY},
+                       .material = scene->materials[coarse->material]};
+    bool masked = part->material.alpha_cutoff > 0;
+    part->surface = (is_textured(&part->material) ? SURFACE_TEXTURED : 0u) | (masked ? SURFACE_MASKED : 0u) |
+                    (coarse->twin != CHIARO_NONE ? SURFACE_TWINNED : 0u);
+    part->shadow = !masked                                           ? SHADOW_OPAQUE
+                   : part->material.albedo_texture != CHIARO_NONE ? SHADOW_MASKED_TEXTURED
+                                                                     : SHADOW_MASKED;
+    /* Both sides of a surface block alike: one of two twins is enough. */
+    if (coarse->twin < index && scene->parts[coarse->twin].material == coarse->material)
+        part->in_shadow = 0;
+    for (uint32_t i = 0; i < coarse->index_count; i++)
+        grow_bounds(part->low, part->high, scene->vertices[scene->indices[coarse->first_index + i]].position);
+}
+
+/* Parts in the order of their surfaces, so that a pipeline is bound once. */
+static ChiaroResult describe_parts(ChiaroVulkan *context, const ChiaroTransport *transport)
+{
+    SceneState *state = &context->scene;
+    DrawPart *parts = chiaro_vulkan_alloc(context, transport->part_count, sizeof *parts);
+    state->texture_sets = chiaro_vulkan_alloc(context, transport->scene.material_count, sizeof(VkDescriptorSet));
+    state->parts = parts;
+    if (!parts || !state->texture_sets)
+        return CHIARO_ERROR_MEMORY;
+    for (int axis = 0; axis < 3; axis++)
+        state->low[axis] = INFINITY, state->high[axis] = -INFINITY;
+    for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++) {
+        for (uint32_t i = 0; i < transport->part_count; i++) {
+            DrawPart part;
+            describe_part(transport, i, &part);
+            if (part.surface != kind)
+                continue;
+            if (part.surface & SURFACE_TEXTURED)
+                part.texture_set = transport->scene.parts[i].material;
+            state->surfaces |= 1u << part.surface;
+            state->shadows |= 1u << part.shadow;
+            grow_bounds(state->low, state->high, part.low);
+            grow_bounds(state->low, state->high, part.high);
+            parts[state->part_count++] = part;
+        }
+    }
+    return CHIARO_OK;
+}
+
+/* Images of the textures that materials use; `images` and `views` have an entry a texture. Returns the staging bytes. */
+static uint64_t create_textures(ChiaroVulkan *context, const ChiaroScene *scene, VkImage *images)
+{
+    SceneState *state = &context->scene;
+    uint64_t staging = 0;
+    for (uint32_t m = 0; m < scene->material_count; m++) {
+        uint32_t used[2] = {scene->materials[m].albedo_texture, scene->materials[m].emission_texture};
+        for (int i = 0; i < 2; i++) {
+            if (used[i] == CHIARO_NONE || images[used[i]])
+                continue;
+            const ChiaroTexture *texture = &scene->textures[used[i]];
+            images[used[i]] = chiaro_arena_image(context, state->arena, VK_FORMAT_R8G8B8A8_SRGB, texture->width,
+                                                 texture->height, 1,
+                                                 VK_IMAGE_USAGE_SAMPLED_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT,
+                                                 &state->texture_bytes);
+            staging += chiaro_upload_size(4 * (uint64_t)texture->width * texture->height);
+        }
+    }
+    return staging;
+}
+
+static void bind_texture(ChiaroVulkan *context, const ChiaroScene *scene, const VkImage *images, VkDescriptorSet set,
+                         uint32_t binding, uint32_t index)
+{
+    Arena *arena = context->scene.arena;
+    const ChiaroTexture *texture = &scene->textures[index];
+    VkImageView view =
+        chiaro_arena_view(context, arena, images[index], VK_IMAGE_VIEW_TYPE_2D, VK_FORMAT_R8G8B8A8_SRGB, 0, 1);
+    VkSampler sampler = chiaro_sampler_create(context, arena, texture->nearest ? VK_FILTER_NEAREST : VK_FILTER_LINEAR,
+                                              address_mode(texture->wrap_u), address_mode(texture->wrap_v));
+    if (arena->result == CHIARO_OK)
+        chiaro_set_image(context, set, binding, view, sampler, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL);
+}
+
+static void create_texture_sets(ChiaroVulkan *context, const ChiaroScene *scene, const VkImage *images)
+{
+    SceneState *state = &context->scene;
+    uint32_t count = 0;
+    for (uint32_t m = 0; m < scene->material_count; m++)
+        count += is_textured(&scene->materials[m]);
+    if (count == 0)
+        return;
+    VkDescriptorPool pool = chiaro_pool_create(context, state->arena, count, 0, 2 * count);
+    for (uint32_t m = 0; m < scene->material_count; m++) {
+        const ChiaroMaterial *material = &scene->materials[m];
+        if (!is_textured(material))
+            continue;
+        /* Where one of the two is missing the other takes its binding; the shader does not look at it. */
+        uint32_t albedo = material->albedo_texture, emission = material->emission_texture;
+        VkDescriptorSet set = chiaro_set_create(context, state->arena, pool, context->layouts.texture);
+        bind_texture(context, scene, images, set, 0, albedo != CHIARO_NONE ? albedo : emission);
+        bind_texture(context, scene, images, set, 1, emission != CHIARO_NONE ? emission : albedo);
+        state->texture_sets[m] = set;
+    }
+}
+
+static void create_mesh(ChiaroVulkan *context, const ChiaroTransport *transport)
+{
+    SceneState *state = &context->scene;
+    const ChiaroScene *scene = &transport->scene;
+    const VkBufferUsageFlags copied = VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+    const VkBufferUsageFlags vertex = VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | copied;
+    const VkBufferUsageFlags index = VK_BUFFER_USAGE_INDEX_BUFFER_BIT | copied;
+    uint64_t *bytes = &state->mesh_bytes;
+    state->vertices = chiaro_arena_buffer(context, state->arena, sizeof(ChiaroVertex) * (uint64_t)transport->vertex_count,
+                                          vertex, false, bytes);
+    state->indices = chiaro_arena_buffer(context, state->arena, 4 * (uint64_t)transport->index_count, index, false,
+                                         bytes);
+    state->shadow_vertices =
+        chiaro_arena_buffer(context, state->arena, 12 * (uint64_t)scene->vertex_count, vertex, false, bytes);
+    state->shadow_indices =
+        chiaro_arena_buffer(context, state->arena, 4 * (uint64_t)scene->index_count, index, false, bytes);
+    if (state->shadows & ~(1u << SHADOW_OPAQUE))
+        state->shadow_uvs =
+            chiaro_arena_buffer(context, state->arena, 12 * (uint64_t)scene->vertex_count, vertex, false, bytes);
+}
+
+/* Rows of a table of links, padded to whole blocks. */
+static uint64_t link_words(uint32_t rows, uint32_t links)
+{
+    return ((uint64_t)rows + CHIARO_LINK_BLOCK - 1) / CHIARO_LINK_BLOCK * CHIARO_LINK_BLOCK * links;
+}
+
+static void create_gi(ChiaroVulkan *context, const ChiaroTransport *transport)
+{
+    SceneState *state = &context->scene;
+    Arena *arena = state->gi_arena;
+    const VkBufferUsageFlags usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+    const uint64_t samples = transport->sample_count, nodes = transport->node_count,
+                   receivers = transport->receiver_count;
+    struct {
+        DeviceBuffer *buffer;
+        uint64_t size;
+        VkBufferUsageFlags usage;
+    } wanted[] = {
+        {&state->samples, samples * sizeof(ChiaroGpuSample), usage},
+        {&state->points, transport->point_count * sizeof(ChiaroPoint), usage},
+        {&state->weights, nodes * sizeof(float), usage},
+        {&state->sources, nodes * 2 * sizeof(uint32_t), usage},
+        {&state->values, 2 * nodes * 16, usage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT},
+        {&state->sample_links, link_words(transport->sample_count, transport->info.sample_links) * 8, usage},
+        {&state->sample_scales, samples * 16, usage},
+        {&state->receiver_links, link_words(transport->receiver_count, transport->info.receiver_links) * 4, usage},
+        {&state->receiver_scales, receivers * sizeof(float), usage},
+        {&state->irradiance, receivers * 16, usage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT},
+        {&state->vertex_receivers, transport->vertex_count * sizeof(uint32_t),
+         VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT},
+    };
+    const uint32_t bindings = 10;
+    for (uint32_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++)
+        *wanted[i].buffer =
+            chiaro_arena_buffer(context, arena, wanted[i].size, wanted[i].usage, false, &state->gi_bytes);
+    chiaro_arena_bind(context, arena);
+    VkDescriptorPool pool = chiaro_pool_create(context, arena, 2, bindings + 1, 0);
+    state->gi_set = chiaro_set_create(context, arena, pool, context->layouts.gi);
+    state->irradiance_set = chiaro_set_create(context, arena, pool, context->layouts.irradiance);
+    if (arena->result != CHIARO_OK)
+        return;
+    for (uint32_t i = 0; i < bindings; i++)
+        chiaro_set_buffer(context, state->gi_set, i, *wanted[i].buffer);
+    chiaro_set_buffer(context, state->irradiance_set, 0, state->irradiance);
+}
+
+static void put(ChiaroVulkan *context, Upload *upload, DeviceBuffer buffer, const void *data)
+{
+    memcpy(chiaro_upload_buffer(context, upload, buffer), data, buffer.size);
+}
+
+static void fill_mesh(ChiaroVulkan *context, const ChiaroTransport *transport, Upload *upload)
+{
+    SceneState *state = &context->scene;
+    const ChiaroScene *scene = &transport->scene;
+    put(context, upload, state->vertices, transport->vertices);
+    put(context, upload, state->indices, transport->indices);
+    put(context, upload, state->shadow_indices, scene->indices);
+    float *positions = chiaro_upload_buffer(context, upload, state->shadow_vertices);
+    for (uint32_t i = 0; i < scene->vertex_count; i++)
+        memcpy(positions + 3 * (size_t)i, scene->vertices[i].position, 12);
+    if (!state->shadow_uvs.buffer)
+        return;
+    float *uvs = chiaro_upload_buffer(context, upload, state->shadow_uvs);
+    for (uint32_t i = 0; i < scene->vertex_count; i++) {
+        memcpy(uvs + 3 * (size_t)i, scene->vertices[i].uv, 8);
+        uvs[3 * (size_t)i + 2] = scene->vertices[i].color[3];
+    }
+}
+
+static void fill_textures(ChiaroVulkan *context, const ChiaroScene *scene, const VkImage *images, Upload *upload)
+{
+    for (uint32_t i = 0; i < scene->texture_count; i++) {
+        const ChiaroTexture *texture = &scene->textures[i];
+        if (images[i])
+            memcpy(chiaro_upload_image(context, upload, images[i], texture->width, texture->height, 4),
+                   scene->pixels + texture->first_byte, 4 * (size_t)texture->width * texture->height);
+    }
+}
+
+static void fill_gi(ChiaroVulkan *context, const ChiaroTransport *transport, Upload *upload)
+{
+    SceneState *state = &context->scene;
+    ChiaroGpuSample *samples = chiaro_upload_buffer(context, upload, state->samples);
+    for (uint32_t i = 0; i < transport->sample_count; i++) {
+        const ChiaroSample *from = &transport->samples[i];
+        ChiaroGpuSample to = {.points = {from->first_point, from->point_count}};
+        memcpy(to.albedo, from->albedo, 12);
+        memcpy(to.emission, from->emission, 12);
+        samples[i] = to;
+    }
+    float *weights = chiaro_upload_buffer(context, upload, state->weights);
+    uint32_t *sources = chiaro_upload_buffer(context, upload, state->sources);
+    for (uint32_t i = 0; i < transport->node_count; i++) {
+        weights[i] = transport->nodes[i].area;
+        sources[2 * (size_t)i] = transport->nodes[i].source_first;
+        sources[2 * (size_t)i + 1] = transport->nodes[i].source_count;
+    }
+    put(context, upload, state->points, transport->points);
+    put(context, upload, state->sample_links, transport->sample_links);
+    put(context, upload, state->sample_scales, transport->sample_scales);
+    put(context, upload, state->receiver_links, transport->receiver_links);
+    put(context, upload, state->receiver_scales, transport->receiver_scales);
+    put(context, upload, state->vertex_receivers, transport->vertex_receivers);
+}
+
+/* Staging bytes of everything but textures. */
+static uint64_t staging_size(const SceneState *state)
+{
+    const DeviceBuffer all[] = {state->vertices,        state->indices,      state->shadow_vertices,
+                                state->shadow_indices,  state->shadow_uvs,   state->samples,
+                                state->points,          state->weights,      state->sources,
+                                state->sample_links,    state->sample_scales, state->receiver_links,
+                                state->receiver_scales, state->vertex_receivers};
+    uint64_t size = 0;
+    for (uint32_t i = 0; i < sizeof all / sizeof all[0]; i++)
+        size += chiaro_upload_size(all[i].size);
+    return size;
+}
+
+static bool has_transport(const ChiaroTransport *transport)
+{
+    return transport->sample_count > 0 && transport->receiver_count > 0 && transport->info.receiver_links > 0;
+}
+
+static ChiaroResult check_transport(const ChiaroVulkan *context, const ChiaroTransport *transport)
+{
+    const char *fault = NULL;
+    if (transport->vertex_count == 0 || transport->index_count == 0 || transport->part_count == 0)
+        fault = "it has no triangles";
+    else if (transport->part_count != transport->scene.part_count)
+        fault = "drawn parts and parts of the scene differ in number";
+    else if (transport->scene.index_count == 0 || transport->scene.vertex_count == 0)
+        fault = "the scene it was baked from is missing";
+    if (!fault)
+        return CHIARO_OK;
+    chiaro_log_write(&context->desc.log, CHIARO_LOG_ERROR, CHIARO_LOG_SCENE_INVALID, "%s", fault);
+    return CHIARO_ERROR_SCENE;
+}
+
+/* Everything but the textures' bookkeeping; `images` has an entry a texture. */
+static ChiaroResult upload_scene(ChiaroVulkan *context, const ChiaroTransport *transport, VkCommandBuffer commands,
+                                 VkImage *images)
+{
+    SceneState *state = &context->scene;
+    const ChiaroScene *scene = &transport->scene;
+    ChiaroResult result = describe_parts(context, transport);
+    if (result != CHIARO_OK)
+        return result;
+    create_mesh(context, transport);
+    uint64_t staging = create_textures(context, scene, images);
+    chiaro_arena_bind(context, state->arena);
+    create_texture_sets(context, scene, images);
+    if (state->arena->result != CHIARO_OK)
+        return state->arena->result;
+    if (!context->settings.gi_off && has_transport(transport)) {
+        state->gi_arena = chiaro_arena_create(context);
+        if (!state->gi_arena)
+            return CHIARO_ERROR_MEMORY;
+        create_gi(context, transport);
+        if (state->gi_arena->result != CHIARO_OK)
+            return state->gi_arena->result;
+    }
+    Upload upload = chiaro_upload_begin(context, staging + staging_size(state), commands);
+    if (!upload.arena)
+        return CHIARO_ERROR_MEMORY;
+    result = upload.arena->result;
+    if (result == CHIARO_OK) {
+        fill_mesh(context, transport, &upload);
+        fill_textures(context, scene, images, &upload);
+        if (state->gi_arena)
+            fill_gi(context, transport, &upload);
+        VkMemoryBarrier barrier = {.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
+                                   .srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
+                                   .dstAccessMask = VK_ACCESS_VERTEX_ATTRIBUTE_READ_BIT | VK_ACCESS_INDEX_READ_BIT |
+                                                    VK_ACCESS_SHADER_READ_BIT};
+        context->vk.CmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT,
+                                       VK_PIPELINE_STAGE_VERTEX_INPUT_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, 0, 1,
+                                       &barrier, 0, NULL, 0, NULL);
+    }
+    chiaro_arena_retire(context, &upload.arena);
+    return result;
+}
+
+ChiaroResult chiaro_scene_upload(ChiaroVulkan *context, const ChiaroTransport *transport, VkCommandBuffer commands)
+{
+    SceneState *state = &context->scene;
+    ChiaroResult result = check_transport(context, transport);
+    if (result != CHIARO_OK)
+        return result;
+    VkImage *images = chiaro_vulkan_alloc(context, transport->scene.texture_count, sizeof *images);
+    state->arena = chiaro_arena_create(context);
+    state->transport = *transport;
+    for (uint32_t i = 0; i < transport->sample_count; i++) {
+        const float *emission = transport->samples[i].emission;
+        state->emitters += emission[0] > 0 || emission[1] > 0 || emission[2] > 0;
+    }
+    result = images && state->arena ? upload_scene(context, transport, commands, images) : CHIARO_ERROR_MEMORY;
+    chiaro_vulkan_free(context, images);
+    if (result != CHIARO_OK)
+        chiaro_scene_release(context);
+    return result;
+}
+
+void chiaro_scene_release(ChiaroVulkan *context)
+{
+    SceneState *state = &context->scene;
+    chiaro_arena_retire(context, &state->arena);
+    chiaro_arena_retire(context, &state->gi_arena);
+    chiaro_vulkan_free(context, state->texture_sets);
+    chiaro_vulkan_free(context, state->parts);
+    memset(state, 0, sizeof *state);
+}
