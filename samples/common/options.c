@@ -1,5 +1,5 @@
-/* The options that every program shares, and what they mean for a scene: one place, so that a camera, a lamp or a sky is
- * asked for with the same words everywhere. */
+/* The options that every program shares, and what they mean for a scene: one place, so that a camera, a lamp or a sky
+ * is asked for with the same words everywhere. */
 #include "options.h"
 
 #include "../../src/io/io.h"

@@ -24,7 +24,7 @@ typedef struct TestScene {
 /* Name and one line about every scene; NULL past the last. */
 const char *scenes_name(uint32_t index, const char **about);
 
-/* False if there is no scene of that name, if the request does not fit it, or if memory is short; then `fault` says so. */
+/* False if there is no scene of that name, if the request does not fit it, or if memory is short; `fault` says which. */
 bool scenes_make(const char *name, const SceneRequest *request, TestScene *made, const char **fault);
 void scenes_free(TestScene *made);
 

@@ -78,7 +78,8 @@ static exr_result_t decode_chunk(const Part *part, const exr_chunk_info_t *chunk
     for (int16_t c = 0; c < decoder->channel_count; c++) {
         exr_coding_channel_info_t *channel = &decoder->channels[c];
         int slot = channel_slot(channel->channel_name);
-        bool wanted = slot >= 0 && slot < (int)image->channels && (strcmp(channel->channel_name, "Y") != 0 || part->grey);
+        bool luminance = strcmp(channel->channel_name, "Y") == 0;
+        bool wanted = slot >= 0 && slot < (int)image->channels && (!luminance || part->grey);
         channel->decode_to_ptr = wanted ? (uint8_t *)(image->pixels + pixel + slot) : NULL;
         channel->user_data_type = EXR_PIXEL_FLOAT;
         channel->user_bytes_per_element = sizeof(float);

@@ -46,7 +46,8 @@ typedef struct ChiaroIoImage {
     float *pixels;
 } ChiaroIoImage;
 
-/* Any single-part scan-line or tiled EXR with R, G, B (and A), any compression, half or float or uint; Y alone: grey. */
+/* Any single-part scan-line or tiled EXR with R, G, B (and A), any compression, half or float or uint; Y alone: grey.
+ * DWA compression needs libOpenEXR beside OpenEXRCore. */
 bool chiaro_io_read_exr(const char *path, ChiaroIoImage *image, ChiaroIoError *error);
 /* 32-bit float, ZIP. */
 bool chiaro_io_write_exr(const char *path, const ChiaroIoImage *image, ChiaroIoError *error);
