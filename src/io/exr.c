@@ -64,27 +64,30 @@ typedef struct Part {
     exr_storage_t storage;
     exr_attr_box2i_t window;
     bool grey;
+    /* Where channels are decoded to, one plane each: the library's short cut from four halves to interleaved floats
+     * swaps them (3.1). */
+    float *planes;
 } Part;
 
 /* Decodes one chunk to its place. `left` and `top` count from the window's corner. */
 static exr_result_t decode_chunk(const Part *part, const exr_chunk_info_t *chunk, int left, int top,
-                                 exr_decode_pipeline_t *decoder, bool *first, ChiaroIoImage *image)
+                                 exr_decode_pipeline_t *decoder, bool *first, const ChiaroIoImage *image)
 {
     exr_result_t result = *first ? exr_decoding_initialize(part->context, 0, chunk, decoder)
                                  : exr_decoding_update(part->context, 0, chunk, decoder);
     if (result != EXR_ERR_SUCCESS)
         return result;
-    size_t pixel = ((size_t)top * image->width + (size_t)left) * image->channels;
+    size_t plane = (size_t)image->width * image->height, pixel = (size_t)top * image->width + (size_t)left;
     for (int16_t c = 0; c < decoder->channel_count; c++) {
         exr_coding_channel_info_t *channel = &decoder->channels[c];
         int slot = channel_slot(channel->channel_name);
         bool luminance = strcmp(channel->channel_name, "Y") == 0;
         bool wanted = slot >= 0 && slot < (int)image->channels && (!luminance || part->grey);
-        channel->decode_to_ptr = wanted ? (uint8_t *)(image->pixels + pixel + slot) : NULL;
+        channel->decode_to_ptr = wanted ? (uint8_t *)(part->planes + (size_t)slot * plane + pixel) : NULL;
         channel->user_data_type = EXR_PIXEL_FLOAT;
         channel->user_bytes_per_element = sizeof(float);
-        channel->user_pixel_stride = (int32_t)(image->channels * sizeof(float));
-        channel->user_line_stride = (int32_t)(image->width * image->channels * sizeof(float));
+        channel->user_pixel_stride = sizeof(float);
+        channel->user_line_stride = (int32_t)(image->width * sizeof(float));
     }
     if (*first)
         result = exr_decoding_choose_default_routines(part->context, 0, decoder);
@@ -92,7 +95,8 @@ static exr_result_t decode_chunk(const Part *part, const exr_chunk_info_t *chunk
     return result == EXR_ERR_SUCCESS ? exr_decoding_run(part->context, 0, decoder) : result;
 }
 
-static exr_result_t decode_lines(const Part *part, exr_decode_pipeline_t *decoder, bool *first, ChiaroIoImage *image)
+static exr_result_t decode_lines(const Part *part, exr_decode_pipeline_t *decoder, bool *first,
+                                 const ChiaroIoImage *image)
 {
     int32_t step = 0;
     exr_chunk_info_t chunk;
@@ -108,7 +112,8 @@ static exr_result_t decode_lines(const Part *part, exr_decode_pipeline_t *decode
 }
 
 /* Only the finest level. */
-static exr_result_t decode_tiles(const Part *part, exr_decode_pipeline_t *decoder, bool *first, ChiaroIoImage *image)
+static exr_result_t decode_tiles(const Part *part, exr_decode_pipeline_t *decoder, bool *first,
+                                 const ChiaroIoImage *image)
 {
     int32_t tile_width = 0, tile_height = 0;
     exr_chunk_info_t chunk;
@@ -166,13 +171,36 @@ static const char *inspect(Part *part, ChiaroIoImage *image)
     return NULL;
 }
 
-static void spread_grey(ChiaroIoImage *image)
+static void interleave(const Part *part, ChiaroIoImage *image)
 {
     size_t count = (size_t)image->width * image->height;
-    for (size_t i = 0; i < count; i++) {
-        float *pixel = image->pixels + i * image->channels;
-        pixel[1] = pixel[2] = pixel[0];
+    for (uint32_t c = 0; c < image->channels; c++) {
+        const float *plane = part->planes + (part->grey && c < 3 ? 0 : c) * count;
+        for (size_t i = 0; i < count; i++)
+            image->pixels[i * image->channels + c] = plane[i];
     }
+}
+
+/* Everything behind the header. NULL, or the fault. */
+static const char *read_pixels(const char *path, Part *part, ChiaroIoImage *image)
+{
+    exr_decode_pipeline_t decoder = EXR_DECODE_PIPELINE_INITIALIZER;
+    bool first = true;
+    size_t count = (size_t)image->width * image->height;
+    image->pixels = malloc(count * image->channels * sizeof(float));
+    part->planes = calloc(count, image->channels * sizeof(float));
+    if (!image->pixels || !part->planes)
+        return "out of memory";
+    exr_result_t result =
+        (part->storage == EXR_STORAGE_TILED ? decode_tiles : decode_lines)(part, &decoder, &first, image);
+    if (!first)
+        exr_decoding_destroy(part->context, &decoder);
+    if (result == EXR_ERR_FEATURE_NOT_IMPLEMENTED)
+        return chiaro_io_read_exr_dwa(path, part->window.min.x, part->window.min.y, image);
+    if (result != EXR_ERR_SUCCESS)
+        return exr_get_default_error_message(result);
+    interleave(part, image);
+    return NULL;
 }
 
 bool chiaro_io_read_exr(const char *path, ChiaroIoImage *image, ChiaroIoError *error)
@@ -185,34 +213,20 @@ bool chiaro_io_read_exr(const char *path, ChiaroIoImage *image, ChiaroIoError *e
     exr_context_initializer_t settings = context_settings(&file);
     settings.read_fn = read_mapped;
     settings.size_fn = mapped_size;
-    exr_result_t result = exr_start_read(&part.context, path, &settings);
-    const char *fault = NULL;
-    if (result != EXR_ERR_SUCCESS) {
-        fault = "is not an OpenEXR file, or a damaged one";
-    } else if (!(fault = inspect(&part, image))) {
-        exr_decode_pipeline_t decoder = EXR_DECODE_PIPELINE_INITIALIZER;
-        bool first = true;
-        image->pixels = calloc((size_t)image->width * image->height, image->channels * sizeof(float));
-        if (!image->pixels)
-            result = EXR_ERR_OUT_OF_MEMORY;
-        else
-            result = (part.storage == EXR_STORAGE_TILED ? decode_tiles : decode_lines)(&part, &decoder, &first, image);
-        if (!first)
-            exr_decoding_destroy(part.context, &decoder);
-        if (result == EXR_ERR_FEATURE_NOT_IMPLEMENTED)
-            fault = chiaro_io_read_exr_dwa(path, part.window.min.x, part.window.min.y, image);
-        else if (result != EXR_ERR_SUCCESS)
-            fault = exr_get_default_error_message(result);
+    const char *fault = "is not an OpenEXR file, or a damaged one";
+    if (exr_start_read(&part.context, path, &settings) == EXR_ERR_SUCCESS) {
+        fault = inspect(&part, image);
+        if (!fault)
+            fault = read_pixels(path, &part, image);
     }
     exr_finish(&part.context);
     chiaro_io_unmap(&file);
+    free(part.planes);
     if (fault) {
         free(image->pixels);
         *image = (ChiaroIoImage){0};
         return chiaro_io_fail(error, path, "%s", fault);
     }
-    if (part.grey)
-        spread_grey(image);
     return true;
 }
 

@@ -772,7 +772,7 @@ extern "C" bool chiaro_io_read_gltf(const char *path, ChiaroIoScene *scene, Chia
     } catch (const std::bad_alloc &) {
         return chiaro_io_fail(error, path, "out of memory");
     } catch (const std::exception &fault) {
-        return chiaro_io_fail(error, path, "is not glTF: %s", fault.what());
+        return chiaro_io_fail(error, path, "cannot be read as glTF: %s", fault.what());
     }
 }
 

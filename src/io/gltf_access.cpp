@@ -158,7 +158,7 @@ void parse(const char *path, const ChiaroIoFile &file, tinygltf::Model *model)
     if (!done) {
         while (!error.empty() && isspace(static_cast<unsigned char>(error.back())))
             error.pop_back();
-        fail("is not glTF: %s", error.empty() ? "unknown fault" : error.c_str());
+        fail("cannot be read as glTF: %s", error.empty() ? "unknown fault" : error.c_str());
     }
     check_version(model->asset);
 }
