@@ -377,7 +377,7 @@ private:
             if (!(pbr.baseColorFactor[c] >= 0 && pbr.baseColorFactor[c] <= double(FLT_MAX)))
                 fail("material %d has a base colour out of range", index);
         for (size_t c = 0; c < 3; c++) {
-            over |= pbr.baseColorFactor[c] > double(CHIARO_MAX_ALBEDO);
+            over |= float(pbr.baseColorFactor[c]) > CHIARO_MAX_ALBEDO;
             material->albedo[c] = std::min(float(pbr.baseColorFactor[c]), CHIARO_MAX_ALBEDO);
         }
         clamped += over;
