@@ -184,6 +184,8 @@ typedef struct LightState {
     Arena *arena;
     DeviceBuffer buffer;
     VkDescriptorSet set;
+    VkImage images[2];           /* faces, wide views */
+    bool fresh;                  /* the images have no layout yet */
     VkFramebuffer *framebuffers; /* faces, then wide views */
     uint32_t face_capacity, wide_capacity; /* lights with six faces; lights with one view */
     uint64_t bytes;

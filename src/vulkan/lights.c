@@ -173,6 +173,8 @@ static ChiaroResult create_maps(ChiaroVulkan *context, uint32_t faces, uint32_t 
     chiaro_lights_release(context);
     state->arena = arena;
     state->framebuffers = framebuffers;
+    memcpy(state->images, images, sizeof images);
+    state->fresh = true;
     state->buffer = buffer;
     state->set = set;
     state->face_capacity = faces;

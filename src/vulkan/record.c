@@ -114,9 +114,35 @@ static void record_shadow_map(ChiaroVulkan *context, VkCommandBuffer commands, c
     context->shadow_passes++;
 }
 
+/* Layers that no light uses now are bound all the same, and want the layout that the descriptor names. */
+static void give_layouts(ChiaroVulkan *context, VkCommandBuffer commands)
+{
+    VkImageMemoryBarrier barriers[2];
+    uint32_t count = 0;
+    for (int i = 0; i < 2; i++)
+        if (context->lights.images[i])
+            barriers[count++] = (VkImageMemoryBarrier){
+                .sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER,
+                .dstAccessMask = VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_DEPTH_STENCIL_ATTACHMENT_WRITE_BIT,
+                .oldLayout = VK_IMAGE_LAYOUT_UNDEFINED,
+                .newLayout = VK_IMAGE_LAYOUT_DEPTH_STENCIL_READ_ONLY_OPTIMAL,
+                .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+                .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+                .image = context->lights.images[i],
+                .subresourceRange = {VK_IMAGE_ASPECT_DEPTH_BIT, 0, 1, 0, VK_REMAINING_ARRAY_LAYERS}};
+    context->vk.CmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TOP_OF_PIPE_BIT,
+                                   VK_PIPELINE_STAGE_EARLY_FRAGMENT_TESTS_BIT |
+                                       VK_PIPELINE_STAGE_LATE_FRAGMENT_TESTS_BIT |
+                                       VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
+                                   0, 0, NULL, 0, NULL, count, barriers);
+}
+
 static void record_shadow_maps(ChiaroVulkan *context, VkCommandBuffer commands)
 {
     LightState *lights = &context->lights;
+    if (lights->fresh)
+        give_layouts(context, commands);
+    lights->fresh = false;
     for (uint32_t i = 0; i < lights->count; i++) {
         uint32_t faces = lights->gpu[i].info[1] ? 6 : 1;
         for (uint32_t face = 0; lights->stale[i] && face < faces; face++)
