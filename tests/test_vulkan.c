@@ -291,7 +291,7 @@ static void the_tone_curve_is_the_shaders(void **state)
 
 /* A box that stands on the floor, seen from straight above. */
 static const Vec3 box_low = {-0.5f, 0, -0.3f}, box_high = {0.4f, 0.6f, 0.5f};
-static const float eye_height = 3.5f, view_opening = 1.0f;
+static const float eye_height = 60, view_opening = 0.0633f; /* so that the foot of the box is in view */
 
 static Mesh floor_and_box(void)
 {
@@ -344,7 +344,7 @@ static void check_shadow(Stage *stage, const char *what, const ChiaroLight *ligh
             float scale = 2 * eye_height * tanf(view_opening / 2) / SIZE;
             Vec3 p = {((float)x + 0.5f - SIZE / 2) * scale, 0, ((float)y + 0.5f - SIZE / 2) * scale};
             /* The box hides some of the floor: its top is nearer to the eye. */
-            float reach = eye_height / (eye_height - box_high.y), slack = 2 * scale;
+            float reach = eye_height / (eye_height - box_high.y), slack = scale;
             if (p.x > box_low.x * reach - slack && p.x < box_high.x * reach + slack &&
                 p.z > box_low.z * reach - slack && p.z < box_high.z * reach + slack)
                 continue;

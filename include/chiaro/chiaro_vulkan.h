@@ -182,7 +182,7 @@ typedef struct ChiaroVulkanApi {
      * @thread_safety one thread per context. */
     ChiaroResult (*lights_set)(ChiaroVulkan *context, const ChiaroLight *lights, uint32_t count);
 
-    /** Sets the sky. May allocate. @param sky NULL: none; copied.
+    /** Sets the sky. May allocate. @param sky NULL: none; copied. On failure there is no sky.
      * @errors CHIARO_ERROR_ARGUMENT, _MEMORY, _DEVICE, _UNSUPPORTED. @thread_safety one thread per context. */
     ChiaroResult (*sky_set)(ChiaroVulkan *context, const ChiaroSky *sky);
 

@@ -197,7 +197,11 @@ static ChiaroResult sky_set(ChiaroVulkan *context, const ChiaroSky *sky)
     if (sky && chiaro_sky_check(sky) != CHIARO_OK)
         return refuse(context, "sky_set: the sky is not valid");
     ChiaroResult result = chiaro_sky_take(context, sky);
-    return result == CHIARO_OK ? prepare(context) : result;
+    if (result == CHIARO_OK)
+        result = prepare(context);
+    if (result != CHIARO_OK)
+        chiaro_sky_release(context);
+    return result;
 }
 
 static ChiaroResult settings_set(ChiaroVulkan *context, const ChiaroVulkanSettings *settings)

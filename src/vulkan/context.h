@@ -23,7 +23,8 @@
 #define CHIARO_DEVICE_FUNCTIONS(X)                                                                                     \
     X(AllocateDescriptorSets) X(AllocateMemory) X(BindBufferMemory) X(BindImageMemory) X(CmdBeginRenderPass)           \
     X(CmdBindDescriptorSets) X(CmdBindIndexBuffer) X(CmdBindPipeline) X(CmdBindVertexBuffers) X(CmdCopyBuffer)         \
-    X(CmdCopyBufferToImage) X(CmdDispatch) X(CmdDraw) X(CmdDrawIndexed) X(CmdEndRenderPass) X(CmdPipelineBarrier)      \
+    X(CmdCopyBufferToImage) X(CmdDispatch) X(CmdDraw) X(CmdDrawIndexed) X(CmdEndRenderPass) X(CmdFillBuffer)           \
+    X(CmdPipelineBarrier)                                                                                              \
     X(CmdPushConstants) X(CmdSetScissor) X(CmdSetViewport) X(CmdUpdateBuffer) X(CreateBuffer)                          \
     X(CreateComputePipelines) X(CreateDescriptorPool) X(CreateDescriptorSetLayout) X(CreateFramebuffer)                \
     X(CreateGraphicsPipelines) X(CreateImage) X(CreateImageView) X(CreatePipelineLayout) X(CreateRenderPass)           \
@@ -201,7 +202,7 @@ typedef struct SkyState {
     bool set;
     bool changed;  /* the values of the leaves must go to the device */
     ChiaroSky sky; /* a copy: later scenes need it too */
-    float *values; /* four floats a sky leaf of the scene */
+    float *values; /* four floats a sky leaf of the scene; NULL: black */
     Arena *arena;
     VkImage image;
     VkDescriptorSet descriptor;

@@ -1,7 +1,8 @@
 /* The frame: what update() and draw() record. Nothing here allocates or creates.
  *
  * update: shadow maps -> direct light at samples -> tree -> bounces at samples -> tree -> irradiance at receivers.
- * Every pass is recorded only if something it depends on has changed.
+ * Every pass is recorded only if something it depends on has changed. A pipeline that could not be made (the host was told
+ * so) is left out.
  */
 #include "context.h"
 
@@ -68,6 +69,8 @@ static void draw_shadow_parts(ChiaroVulkan *context, VkCommandBuffer commands, C
         if (!part->in_shadow || part->shadow_count == 0 || !part_in_view(part, push))
             continue;
         const Pipeline *pipeline = &context->shadow[part->shadow];
+        if (!pipeline->pipeline)
+            continue;
         if (part->shadow != bound) {
             vk->CmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->pipeline);
             vk->CmdPushConstants(commands, pipeline->layout, stages, 0, sizeof *push, push);
@@ -166,7 +169,7 @@ static void dispatch(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t p
 {
     const VulkanFunctions *vk = &context->vk;
     const Pipeline *pipeline = &context->gi[pass];
-    if (count == 0)
+    if (count == 0 || !pipeline->pipeline)
         return;
     const VkDescriptorSet sets[2] = {context->scene.gi_set, context->lights.set};
     vk->CmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline->pipeline);
@@ -226,6 +229,17 @@ static void write_lights(ChiaroVulkan *context, VkCommandBuffer commands)
     write_buffer(context, commands, lights->buffer, sizeof count, lights->gpu, lights->count * sizeof lights->gpu[0]);
 }
 
+/* No sky: black. */
+static void write_sky_leaves(ChiaroVulkan *context, VkCommandBuffer commands)
+{
+    const ChiaroTransport *transport = &context->scene.transport;
+    uint64_t offset = 16 * (uint64_t)transport->sample_count, size = 16 * (uint64_t)transport->sky_count;
+    if (context->sky.values)
+        write_buffer(context, commands, context->scene.values, offset, context->sky.values, size);
+    else if (size > 0)
+        context->vk.CmdFillBuffer(commands, context->scene.values.buffer, offset, size, 0);
+}
+
 static void fill_sky_image(ChiaroVulkan *context, VkCommandBuffer commands)
 {
     SkyState *sky = &context->sky;
@@ -236,7 +250,6 @@ static void fill_sky_image(ChiaroVulkan *context, VkCommandBuffer commands)
 
 void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands)
 {
-    const ChiaroTransport *transport = &context->scene.transport;
     bool lit = chiaro_vulkan_lit(context), gi = chiaro_vulkan_gi(context);
     bool lights = lit && context->lights.changed, leaves = gi && context->sky.changed;
     bool bounce = gi && context->gi_changed;
@@ -251,9 +264,8 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands)
                 0);
         if (lights)
             write_lights(context, commands);
-        if (leaves && context->sky.values)
-            write_buffer(context, commands, context->scene.values, 16 * (uint64_t)transport->sample_count,
-                         context->sky.values, 16 * (uint64_t)transport->sky_count);
+        if (leaves)
+            write_sky_leaves(context, commands);
         barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT,
                 VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT);
         context->updates++;
@@ -311,7 +323,7 @@ static void draw_parts(ChiaroVulkan *context, const ChiaroVulkanDraw *draw, floa
         const DrawPart *part = &scene->parts[i];
         const ChiaroMaterial *material = &part->material;
         const Pipeline *pipeline = &context->forward[lighting][part->surface];
-        if (part->index_count == 0)
+        if (part->index_count == 0 || !pipeline->pipeline)
             continue;
         if (part->surface != bound) {
             vk->CmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->pipeline);
@@ -373,6 +385,6 @@ void chiaro_record_draw(ChiaroVulkan *context, const ChiaroVulkanDraw *draw)
     context->vk.CmdSetScissor(draw->command_buffer, 0, 1, &draw->scissor);
     draw_parts(context, draw, exposure);
     /* A sky that no update has copied yet is not there yet. */
-    if (chiaro_vulkan_background(context) && !context->sky.upload.arena)
+    if (chiaro_vulkan_background(context) && !context->sky.upload.arena && context->sky_background.pipeline)
         draw_sky(context, draw, exposure);
 }

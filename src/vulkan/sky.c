@@ -82,12 +82,12 @@ ChiaroResult chiaro_sky_prepare(ChiaroVulkan *context)
     chiaro_vulkan_free(context, state->values);
     state->values = NULL;
     state->changed = true;
-    if (!context->scene.gi_arena || transport->sky_count == 0)
+    if (!context->scene.gi_arena || transport->sky_count == 0 || !state->set)
         return CHIARO_OK;
     float *values = state->values = chiaro_vulkan_alloc(context, transport->sky_count, 4 * sizeof(float));
     if (!values)
         return CHIARO_ERROR_MEMORY;
-    chiaro_sky_light(transport, state->set ? &state->sky : NULL, values);
+    chiaro_sky_light(transport, &state->sky, values);
     /* Three floats a leaf become four, from the back. */
     for (uint32_t i = transport->sky_count; i-- > 0;) {
         float rgb[3];
@@ -102,5 +102,5 @@ void chiaro_sky_release(ChiaroVulkan *context)
 {
     release_image(context, &context->sky);
     chiaro_vulkan_free(context, context->sky.values);
-    memset(&context->sky, 0, sizeof context->sky);
+    context->sky = (SkyState){.changed = true};
 }
