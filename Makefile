@@ -30,7 +30,7 @@ EMBREE := $(shell test -e /usr/include/embree4/rtcore.h && echo embree4 || echo 
 EXR_CFLAGS := $(shell pkg-config --cflags OpenEXR 2>/dev/null)
 RUNTIME_LIBS := -lm
 BAKE_LIBS := -l$(EMBREE) -lm -lpthread
-IO_LIBS := -ltinygltf -lOpenEXRCore -lstdc++ -lm
+IO_LIBS := -ltinygltf -lOpenEXR -lOpenEXRCore -lstdc++ -lm
 VULKAN_LIBS := -lvulkan
 
 # ---- what is built ---------------------------------------------------------------------------------------------------

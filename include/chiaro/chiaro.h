@@ -305,8 +305,8 @@ typedef struct ChiaroTransport {
     const float *leaf_weights; /**< Area, or solid angle, of each leaf. */
     const float *sky_directions; /**< Four floats a sky leaf: unit direction, and solid angle. */
     const ChiaroNode *nodes;
-    const ChiaroLinkRgb *sample_links; /**< Layout: CHIARO_LINK_INDEX of chiaro_shared.h. */
-    const float *sample_scales;        /**< Four floats a sample: scale of red, green, blue; unused. */
+    const ChiaroLinkRgb *sample_links; /**< One row for a few neighbouring samples. Layout: CHIARO_LINK_INDEX. */
+    const float *sample_scales; /**< Four floats a row: scale of red, green, blue; its first sample. One row more. */
     const ChiaroReceiver *receivers;
     const uint32_t *receiver_links; /**< Node in the low 18 bits, signed weight in the high 14. Same layout. */
     const float *receiver_scales;
@@ -315,6 +315,7 @@ typedef struct ChiaroTransport {
     const uint32_t *indices;
     const ChiaroPart *parts; /**< Runs of `indices`; as many and in the order of scene.parts. */
     uint32_t sample_count, point_count, sky_count, leaf_count, node_count, receiver_count, vertex_count, index_count;
+    uint32_t sample_row_count; /**< Rows of sample_links. */
     uint32_t small_node_end; /**< Nodes [leaf_count, small_node_end) cover at most CHIARO_SMALL_NODE leaves. */
     uint32_t part_count;
 } ChiaroTransport;

@@ -9,7 +9,9 @@
 
 /* Defaults where the caller leaves them to the scene. */
 enum { DEFAULT_LINKS = 32, DEFAULT_RAYS = 2048, LARGE_SCENE_RAYS = 512, LEAST_RECEIVERS = 4096, MOST_RECEIVERS = 65536 };
-static const float RECEIVER_PART_OF_FREE_PATH = 0.03f;
+/* Rows between samples serve several samples each, so they can afford this many times the links of a receiver. */
+enum { SAMPLE_LINKS_A_LINK = 4 };
+static const float RECEIVER_PART_OF_FREE_PATH = 0.045f;
 
 bool chiaro_bake_progress(float done, void *user)
 {
@@ -56,7 +58,8 @@ static void resolve_from_scene(Baker *baker)
     d->rays = power_of_two(d->rays);
     baker->sample_rays = d->rays / 2 < 16 ? 16 : d->rays / 2;
     baker->info.rays = d->rays;
-    baker->info.sample_links = baker->info.receiver_links = d->links;
+    baker->info.receiver_links = d->links;
+    baker->info.sample_links = SAMPLE_LINKS_A_LINK * d->links > CHIARO_MAX_LINKS ? CHIARO_MAX_LINKS : SAMPLE_LINKS_A_LINK * d->links;
     baker->info.seed = d->seed;
 }
 

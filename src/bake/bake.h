@@ -18,9 +18,10 @@
 /* Training lights are solved in blocks of this many. */
 enum { CHIARO_COLUMN_BLOCK = 32 };
 
-/* Sparse row: leaf and share of the cosine hemisphere. Sorted by leaf, each leaf once. */
+/* Sparse row of form factors: nodes of the tree, none inside another, in the order of their leaves; and the share of the
+ * cosine hemisphere that each takes. */
 typedef struct RowEntry {
-    uint32_t leaf;
+    uint32_t node;
     float weight;
 } RowEntry;
 
@@ -66,7 +67,7 @@ typedef struct Baker {
     /* rows of the samples: entries row_first[i] .. row_first[i + 1] */
     size_t *row_first;
     RowEntry *rows;
-    uint32_t sample_rays;
+    uint32_t sample_rays, sample_row_count;
 
     /* drawn mesh */
     ChiaroVertex *vertices;
@@ -87,7 +88,7 @@ typedef struct Baker {
     float *irradiance; /* [sample][column]: F B */
 
     /* the system on clusters of samples (nodes), see solve.c */
-    uint32_t *clusters, *sample_cluster, cluster_count;
+    uint32_t *clusters, *sample_cluster, cluster_count; /* nodes; the cluster of each sample */
     double *response[3];
 
     ChiaroLinkRgb *sample_links;
@@ -113,8 +114,9 @@ ChiaroResult chiaro_bake_write(Baker *baker, ChiaroBlob *blob);
 /* --- patches.c --- */
 /* Leaf of a place on a triangle, CHIARO_NONE for a triangle without area. */
 uint32_t chiaro_patches_leaf(const Patches *patches, uint32_t triangle, float u, float v);
-/* A place on a sample's patch from numbers in [0, 1). */
-void chiaro_patches_place(const Baker *baker, uint32_t sample, float pick, float u, float v, Vec3 *place, Vec3 *normal);
+/* A place on the patches of samples [first, first + count) from numbers in [0, 1). */
+void chiaro_patches_place(const Baker *baker, uint32_t first, uint32_t count, float pick, float u, float v, Vec3 *place,
+                          Vec3 *normal);
 /* Leaf of a direction into the sky. */
 uint32_t chiaro_sky_leaf(const Baker *baker, Vec3 direction);
 
@@ -142,20 +144,26 @@ void chiaro_cluster_free(ClusterTree *tree);
 /* --- rows.c --- */
 /* One a thread: counts of rays a leaf (all 0 between rows), and the row that came out last. */
 typedef struct RowScratch {
-    uint32_t *counts, *touched;
-    RowEntry *entries;
+    uint32_t *counts, *touched, *sums;
+    RowEntry *entries; /* room for chiaro_row_room() */
 } RowScratch;
+/* Most entries of a row. */
+size_t chiaro_row_room(uint32_t rays);
 bool chiaro_row_scratch_create(const Baker *baker, uint32_t rays, RowScratch *scratch);
 void chiaro_row_scratch_destroy(RowScratch *scratch);
 /* Row of a place into scratch->entries: rays (a power of two) about `normal`, mirrored above the plane whose normal is
  * `plane`. Returns the number of entries. */
 uint32_t chiaro_row_trace(const Baker *baker, Vec3 place, Vec3 normal, Vec3 plane, uint32_t rays, uint32_t stream,
                           RowScratch *scratch, RowFacts *facts);
-/* The same for a sample: rays start all over its patch. */
-uint32_t chiaro_row_trace_sample(const Baker *baker, uint32_t sample, uint32_t rays, RowScratch *scratch,
-                                 RowFacts *facts);
+/* The same for a run of samples: rays start all over their patches. */
+uint32_t chiaro_row_trace_samples(const Baker *baker, uint32_t first, uint32_t count, uint32_t rays, RowScratch *scratch,
+                                  RowFacts *facts);
 
-/* --- tree helpers --- */
+/* --- solve.c --- */
+/* Adds what a row sends to each cluster to sums[cluster]: entries above clusters are shared out by area. */
+void chiaro_row_to_clusters(const Baker *baker, const RowEntry *row, size_t count, float *sums);
+
+/* --- training.c --- */
 /* Fills rows [leaf_count, node_count) of a nodes x columns table with the weighted means of the leaves' rows. */
 void chiaro_bake_tree_sum(const Baker *baker, float *table, uint32_t columns);
 

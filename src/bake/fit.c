@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_COLUMNS = 512, ACTIVE_ROUNDS = 8 };
+enum { MOST_COLUMNS = 768, ACTIVE_ROUNDS = 8 };
 
 /* Expected error of the fit, as a part of the row's light: the smaller, the further weights may leave the form factors. */
 static const float FIT_NOISE = 0.01f;
@@ -21,6 +21,8 @@ static const float FIT_NOISE = 0.01f;
 static const float FREEDOM_OF_MEAN = 0.5f;
 /* A training light counts by its brightness to this power, minus one: 1 would heed bright ones only, 0 all alike. */
 static const float LEVEL_POWER = 0.5f;
+/* Training lights below this part of the brightest do not count in a tile. */
+static const float LEAST_LEVEL = 1e-6f;
 /* Uniform light and the scene's own emitters count as much as this many training lights. */
 static const float SPECIAL_COLUMNS = 8;
 
@@ -33,8 +35,8 @@ typedef struct Table {
 
 typedef struct Open {
     uint32_t node;
-    float own[3];  /* weight of the entries inside, by channel */
-    float spread[3]; /* its part of a cluster's spread light that lies above it */
+    float own[3];   /* weight of the entries inside, by channel */
+    float above[3]; /* its share, by area, of entries that hold it */
     double cost;
     float *light;  /* what the entries inside send, by column */
 } Open;
@@ -167,7 +169,7 @@ bool chiaro_fitter_begin_tile(Fitter *fitter, const float *level)
         fitter->begin[c] = first;
         for (uint32_t k = 0; k < count && fitter->width - first < room; k++) {
             uint32_t t = fitter->order[k];
-            if (t >= baker->emitter_column || !(level[t] > 1e-6f * brightest))
+            if (t >= baker->emitter_column || !(level[t] > LEAST_LEVEL * brightest) || !(level[t] > LEAST_LEVEL * LEAST_LEVEL))
                 continue;
             fitter->columns[fitter->width] = t;
             fitter->column_scale[fitter->width] = powf(level[t], LEVEL_POWER - 1);
@@ -177,7 +179,7 @@ bool chiaro_fitter_begin_tile(Fitter *fitter, const float *level)
         mean = fitter->width > first ? mean / (float)(fitter->width - first) : 1;
         for (uint32_t k = 0; k < count; k++) {
             uint32_t t = fitter->order[k];
-            if (t < baker->emitter_column || !(level[t] > 0))
+            if (t < baker->emitter_column || !(level[t] > LEAST_LEVEL))
                 continue;
             fitter->columns[fitter->width] = t;
             fitter->column_scale[fitter->width++] = sqrtf(SPECIAL_COLUMNS) * mean / level[t];
@@ -192,13 +194,13 @@ bool chiaro_fitter_begin_tile(Fitter *fitter, const float *level)
     return true;
 }
 
-/* First entry whose leaf is not below `leaf`. */
+/* First entry that begins at `leaf` or later. */
 static uint32_t entry_at(const Fitter *fitter, uint32_t leaf)
 {
     uint32_t low = 0, high = fitter->entry_count;
     while (low < high) {
         uint32_t middle = low + (high - low) / 2;
-        if (fitter->entries[middle].leaf < leaf)
+        if (fitter->task.baker->nodes[fitter->entries[middle].node].first < leaf)
             low = middle + 1;
         else
             high = middle;
@@ -206,9 +208,12 @@ static uint32_t entry_at(const Fitter *fitter, uint32_t leaf)
     return low;
 }
 
-static bool add_light(Fitter *fitter, Open *open, uint32_t node, const float weight[3])
+/* Adds the light that an entry sends, if it lies inside the node; one that holds the node stands in `above` already. */
+static bool add_light(Fitter *fitter, Open *open, uint32_t entry, const float weight[3])
 {
-    const float *row = table_row(fitter, &fitter->truth, node);
+    if (fitter->task.baker->nodes[entry].count > fitter->task.baker->nodes[open->node].count)
+        return true;
+    const float *row = table_row(fitter, &fitter->truth, entry);
     if (!row)
         return false;
     for (uint32_t c = 0; c < fitter->task.channels; c++) {
@@ -228,19 +233,17 @@ static bool open_node(Fitter *fitter, Open *open, uint32_t node, const float abo
     open->cost = 0;
     memset(open->light, 0, fitter->width * sizeof *open->light);
     for (int c = 0; c < 3; c++)
-        open->own[c] = 0, open->spread[c] = above[c];
+        open->own[c] = 0, open->above[c] = above[c];
     uint32_t first = entry_at(fitter, n->first), end = entry_at(fitter, n->first + n->count);
     for (uint32_t e = first; e < end; e++) {
         float weight[3] = {fitter->entries[e].weight, fitter->entries[e].weight, fitter->entries[e].weight};
-        if (!add_light(fitter, open, fitter->entries[e].leaf, weight))
+        if (!add_light(fitter, open, fitter->entries[e].node, weight))
             return false;
     }
-    bool whole_clusters = fitter->spread && n->first < baker->sample_count;
-    if (whole_clusters) {
-        uint32_t last = n->first + n->count < baker->sample_count ? n->first + n->count : baker->sample_count;
+    if (fitter->spread && n->first < baker->sample_count) {
         for (uint32_t i = baker->sample_cluster[n->first]; i < baker->cluster_count; i++) {
             const ChiaroNode *cluster = &baker->nodes[baker->clusters[i]];
-            if (cluster->first < n->first || cluster->first + cluster->count > last)
+            if (cluster->first >= n->first + n->count)
                 break;
             float weight[3] = {fitter->spread[0][i], fitter->spread[1][i], fitter->spread[2][i]};
             if (!add_light(fitter, open, baker->clusters[i], weight))
@@ -261,23 +264,31 @@ static bool open_node(Fitter *fitter, Open *open, uint32_t node, const float abo
     return true;
 }
 
-/* What of a node's spread light reaches into a child: a cluster's is spread over its area; above clusters the entries of
- * the child hold it already. */
+/* What a child inherits by its share of the area: from what its parent inherited, and from entries on the parent. */
 static void inherit(const Fitter *fitter, const Open *open, uint32_t child, float above[3])
 {
     const Baker *baker = fitter->task.baker;
-    const ChiaroNode *parent = &baker->nodes[open->node], *node = &baker->nodes[child];
-    above[0] = above[1] = above[2] = 0;
-    if (!fitter->spread || parent->first >= baker->sample_count)
-        return;
-    uint32_t cluster = baker->sample_cluster[parent->first];
-    const ChiaroNode *c = &baker->nodes[baker->clusters[cluster]];
-    if (parent->count > c->count)
-        return;
-    for (int k = 0; k < 3; k++) {
-        float whole = parent->count == c->count ? fitter->spread[k][cluster] : open->spread[k];
-        above[k] = whole * node->area / parent->area;
+    const ChiaroNode *parent = &baker->nodes[open->node];
+    float share = baker->nodes[child].area / parent->area;
+    uint32_t e = entry_at(fitter, parent->first), cluster = CHIARO_NONE;
+    bool entry = e < fitter->entry_count && baker->nodes[fitter->entries[e].node].first == parent->first &&
+                 baker->nodes[fitter->entries[e].node].count == parent->count;
+    if (fitter->spread && parent->first < baker->sample_count) {
+        cluster = baker->sample_cluster[parent->first];
+        const ChiaroNode *node = &baker->nodes[baker->clusters[cluster]];
+        if (node->first != parent->first || node->count != parent->count)
+            cluster = CHIARO_NONE;
     }
+    for (int c = 0; c < 3; c++) {
+        float whole = open->above[c] + (entry ? fitter->entries[e].weight : 0);
+        above[c] = share * (whole + (cluster != CHIARO_NONE ? fitter->spread[c][cluster] : 0));
+    }
+}
+
+/* True if nothing at all comes from a node. */
+static bool is_dark(const Open *open)
+{
+    return !(open->own[0] + open->own[1] + open->own[2] + open->above[0] + open->above[1] + open->above[2] > 0);
 }
 
 /* The cut: opens nodes until there are K. Returns how many there are; 0: out of memory. */
@@ -296,7 +307,8 @@ static uint32_t cut(Fitter *fitter)
             if (fitter->open[k].cost > fitter->open[worst].cost)
                 worst = k;
         }
-        bool halves = count == 1 && baker->sky_count && fitter->task.links > 1; /* sky and surfaces keep their own energy */
+        /* Sky and surfaces keep their own energy, so the root is always opened. */
+        bool halves = fitter->open[worst].node == baker->root && baker->sky_count && fitter->task.links > 1;
         if (count >= fitter->task.links || (!(fitter->open[worst].cost > 0) && !halves))
             return count;
         Open parent = fitter->open[worst];
@@ -310,14 +322,11 @@ static uint32_t cut(Fitter *fitter)
         inherit(fitter, &parent, node->right, above);
         if (!open_node(fitter, right, node->right, above))
             return 0;
-        bool left_empty = !(left->own[0] + left->own[1] + left->own[2] + left->spread[0] + left->spread[1] + left->spread[2] > 0);
-        bool right_empty =
-            !(right->own[0] + right->own[1] + right->own[2] + right->spread[0] + right->spread[1] + right->spread[2] > 0);
-        if (right_empty && !left_empty) {
+        if (is_dark(right) && !is_dark(left)) {
             Open swap = *right;
             *right = *left;
             *left = swap;
-        } else if (!left_empty) {
+        } else if (!is_dark(left)) {
             count++;
         }
     }
@@ -442,7 +451,7 @@ bool chiaro_fitter_fit(Fitter *fitter, const RowEntry *entries, uint32_t entry_c
     for (uint32_t c = 0; c < fitter->task.channels; c++) {
         float prior[CHIARO_MAX_LINKS];
         for (uint32_t k = 0; k < n; k++)
-            prior[k] = fitter->open[k].own[c] + fitter->open[k].spread[c];
+            prior[k] = fitter->open[k].own[c] + fitter->open[k].above[c];
         if (!fit_channel(fitter, c, n, prior, links->weights[c]))
             return false;
         keep_energy(fitter, energy[c], prior, links, links->weights[c]);

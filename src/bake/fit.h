@@ -31,7 +31,7 @@ void chiaro_fitter_destroy(Fitter *fitter);
 bool chiaro_fitter_begin_tile(Fitter *fitter, const float *level);
 
 /* Fits one row.
- * `entries`: form factors of the leaves. `spread`: for sample rows, what reaches the row after more than one bounce from
+ * `entries`: form factors. `spread`: for sample rows, what reaches the row after more than one bounce from
  * each cluster, [channel][cluster]; NULL for receivers. `target`: irradiance wanted, by column; NULL: that of the entries.
  * `energy`: wanted sum of weights [channel][0 surfaces, 1 sky].
  * Adds the squared error that is left, and the squared target, to `error`. False: out of memory. */

@@ -23,7 +23,7 @@ enum {
     SURVEY_RAYS = 4096
 };
 /* Default M: see chiaro_bake_patches(). */
-static const float PATCH_PART_OF_FREE_PATH = 0.05f, DEFAULT_LEAST_SAMPLES = 2048, DEFAULT_MOST_SAMPLES = 16384;
+static const float PATCH_PART_OF_FREE_PATH = 0.06f, DEFAULT_LEAST_SAMPLES = 2048, DEFAULT_MOST_SAMPLES = 16384;
 static const uint32_t MAX_SMALL = 6u << 20;
 
 /* Barycentric corners of small triangle k of a lattice of n; returns false past the end. */
@@ -484,10 +484,11 @@ static ChiaroResult number_leaves(Baker *baker, const ClusterItem *items, const 
     return CHIARO_OK;
 }
 
-void chiaro_patches_place(const Baker *baker, uint32_t sample, float pick, float u, float v, Vec3 *place, Vec3 *normal)
+void chiaro_patches_place(const Baker *baker, uint32_t first, uint32_t count, float pick, float u, float v, Vec3 *place,
+                          Vec3 *normal)
 {
     const Patches *p = &baker->patches;
-    uint32_t low = p->leaf_first[sample], high = p->leaf_first[sample + 1];
+    uint32_t low = p->leaf_first[first], high = p->leaf_first[first + count];
     double begin = p->leaf_cumulative[low], wanted = begin + pick * (p->leaf_cumulative[high] - begin);
     while (high - low > 1) {
         uint32_t middle = low + (high - low) / 2;

@@ -1,9 +1,9 @@
 /* All bounces, solved once: B = x + rho F B for every training light.
  *
- * Near albedo 1 the system is stiff, but its slow part is smooth: light that fills a room. So each sweep of Gauss-Seidel is
- * followed by an exact solution of the same system on a few hundred clusters, nodes of the tree. That takes care of one
- * room or many, however weakly they are joined, and leaves the sweeps the fast part. The same coarse solution tells the
- * links how light spreads after its first bounce.
+ * Near albedo 1 the system is stiff, but its slow part is smooth: light that fills a room. So each sweep of Jacobi's method
+ * takes the clusters' means (nodes of the tree, some hundred) from an exact solution of the same system on clusters, and
+ * keeps for itself what varies inside them, which bounces wash out fast. It makes no difference how many rooms there are,
+ * or how weakly they are joined. The same coarse solution tells the links how light spreads after its first bounce.
  */
 #include "../offline/parallel.h"
 #include "bake.h"
@@ -12,8 +12,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { CLUSTERS = 192, BLOCK = CHIARO_COLUMN_BLOCK, MAX_SWEEPS = 40 };
-static const float TOLERANCE = 1e-5f;
+enum { CLUSTERS = 96, BLOCK = CHIARO_COLUMN_BLOCK, MAX_SWEEPS = 40 };
+static const float TOLERANCE = 3e-4f;
+/* Mean square of bounce light against that of its source, below which a training light is left out. */
+static const double LEAST_BOUNCE = 1e-9;
 
 /* In place: a = its own inverse, by Gauss-Jordan with partial pivoting. False: singular. */
 static bool invert(double *a, uint32_t n)
@@ -65,6 +67,20 @@ static uint32_t collect_clusters(const Baker *baker, uint32_t node, uint32_t mos
     return collect_clusters(baker, n->right, most, clusters, count);
 }
 
+void chiaro_row_to_clusters(const Baker *baker, const RowEntry *row, size_t count, float *sums)
+{
+    for (size_t e = 0; e < count; e++) {
+        const ChiaroNode *node = &baker->nodes[row[e].node];
+        for (uint32_t s = node->first; s < node->first + node->count && s < baker->sample_count;) {
+            uint32_t i = baker->sample_cluster[s];
+            const ChiaroNode *cluster = &baker->nodes[baker->clusters[i]];
+            bool inside = node->count <= cluster->count;
+            sums[i] += row[e].weight * (inside ? 1 : cluster->area / node->area);
+            s = inside ? node->first + node->count : cluster->first + cluster->count;
+        }
+    }
+}
+
 /* Inverse of the system on clusters, area-weighted, one matrix a channel: response[c][i][j] is the radiosity of cluster i
  * where the clusters' mean x is 1 on j and 0 elsewhere. */
 static ChiaroResult coarse_inverse(Baker *baker)
@@ -83,25 +99,31 @@ static ChiaroResult coarse_inverse(Baker *baker)
         for (uint32_t s = node->first; s < node->first + node->count; s++)
             baker->sample_cluster[s] = i;
     }
-    for (uint32_t c = 0; c < (baker->grey ? 1u : 3u); c++) {
-        double *a = calloc((size_t)n * n, sizeof *a);
-        if (!a)
-            return CHIARO_ERROR_MEMORY;
-        baker->response[c] = a;
+    float *row = malloc(n * sizeof *row);
+    if (!row)
+        return CHIARO_ERROR_MEMORY;
+    ChiaroResult result = CHIARO_OK;
+    for (uint32_t c = 0; c < (baker->grey ? 1u : 3u) && result == CHIARO_OK; c++) {
+        double *a = baker->response[c] = calloc((size_t)n * n, sizeof *a);
+        if (!a) {
+            result = CHIARO_ERROR_MEMORY;
+            break;
+        }
         for (uint32_t s = 0; s < baker->sample_count; s++) {
             uint32_t i = baker->sample_cluster[s];
             double share = baker->samples[s].area / baker->nodes[baker->clusters[i]].area;
             a[(size_t)i * n + i] += share;
-            for (size_t e = baker->row_first[s]; e < baker->row_first[s + 1]; e++) {
-                if (baker->rows[e].leaf < baker->sample_count)
-                    a[(size_t)i * n + baker->sample_cluster[baker->rows[e].leaf]] -=
-                        share * baker->samples[s].albedo[c] * baker->rows[e].weight;
-            }
+            memset(row, 0, n * sizeof *row);
+            chiaro_row_to_clusters(baker, baker->rows + baker->row_first[s],
+                                   baker->row_first[s + 1] - baker->row_first[s], row);
+            for (uint32_t j = 0; j < n; j++)
+                a[(size_t)i * n + j] -= share * baker->samples[s].albedo[c] * row[j];
         }
         if (!invert(a, n))
-            return CHIARO_ERROR_SCENE;
+            result = CHIARO_ERROR_MEMORY; /* the matrix is diagonally dominant: it cannot be singular */
     }
-    return CHIARO_OK;
+    free(row);
+    return result;
 }
 
 typedef struct Solve {
@@ -111,17 +133,23 @@ typedef struct Solve {
     bool failed;
 } Solve;
 
-/* F B of one sample for a block of columns. */
-static void gather_row(const Baker *baker, uint32_t s, const float *total, float *sum)
+/* Means of the nodes for a block of columns. */
+static void sum_tree(const Baker *baker, float *total)
 {
-    memset(sum, 0, BLOCK * sizeof *sum);
-    for (size_t e = baker->row_first[s]; e < baker->row_first[s + 1]; e++)
-        chiaro_axpy(sum, baker->rows[e].weight, total + (size_t)baker->rows[e].leaf * baker->columns, BLOCK);
+    for (uint32_t n = baker->leaf_count; n < baker->node_count; n++) {
+        const ChiaroNode *node = &baker->nodes[n];
+        float *row = total + (size_t)n * baker->columns;
+        memset(row, 0, BLOCK * sizeof *row);
+        for (uint32_t k = node->source_first; k < node->source_first + node->source_count; k++)
+            chiaro_axpy(row, baker->nodes[k].area / node->area, total + (size_t)k * baker->columns, BLOCK);
+    }
 }
 
-static void correct_coarsely(const Baker *baker, uint32_t first, float *total, const float *residual, double *mean)
+/* Adds to the residual, cluster by cluster, what the coarse solution says beyond the residual's own mean. */
+static void correct_coarsely(const Baker *baker, uint32_t first, float *residual, double *mean)
 {
     uint32_t n = baker->cluster_count;
+    bool present[3] = {false, false, false};
     memset(mean, 0, (size_t)n * BLOCK * sizeof *mean);
     for (uint32_t s = 0; s < baker->sample_count; s++) {
         uint32_t i = baker->sample_cluster[s];
@@ -129,18 +157,26 @@ static void correct_coarsely(const Baker *baker, uint32_t first, float *total, c
         for (uint32_t k = 0; k < BLOCK; k++)
             mean[(size_t)i * BLOCK + k] += share * residual[(size_t)s * BLOCK + k];
     }
+    for (uint32_t k = 0; k < BLOCK; k++)
+        present[baker->grey ? 0 : baker->column_channel[first + k]] = true;
     for (uint32_t i = 0; i < n; i++) {
         double change[BLOCK] = {0};
-        for (uint32_t j = 0; j < n; j++) {
-            for (uint32_t k = 0; k < BLOCK; k++) {
-                uint32_t c = baker->grey ? 0 : baker->column_channel[first + k];
-                change[k] += baker->response[c][(size_t)i * n + j] * mean[(size_t)j * BLOCK + k];
+        for (uint32_t c = 0; c < 3; c++) {
+            double sum[BLOCK] = {0};
+            if (!present[c])
+                continue;
+            for (uint32_t j = 0; j < n; j++) {
+                double response = baker->response[c][(size_t)i * n + j];
+                for (uint32_t k = 0; k < BLOCK; k++)
+                    sum[k] += response * mean[(size_t)j * BLOCK + k];
             }
+            for (uint32_t k = 0; k < BLOCK; k++)
+                change[k] = baker->grey || baker->column_channel[first + k] == c ? sum[k] : change[k];
         }
         const ChiaroNode *node = &baker->nodes[baker->clusters[i]];
         for (uint32_t s = node->first; s < node->first + node->count; s++) {
             for (uint32_t k = 0; k < BLOCK; k++)
-                total[(size_t)s * baker->columns + k] += (float)change[k];
+                residual[(size_t)s * BLOCK + k] += (float)(change[k] - mean[(size_t)i * BLOCK + k]);
         }
     }
 }
@@ -160,18 +196,13 @@ static void solve_block(Solve *solve, uint32_t block)
         memcpy(total + (size_t)l * baker->columns, direct + (size_t)l * baker->columns, BLOCK * sizeof *total);
     for (uint32_t sweep = 0; sweep < MAX_SWEEPS; sweep++) {
         double wrong = 0, size = 0;
-        float sum[BLOCK];
+        sum_tree(baker, total);
         for (uint32_t s = 0; s < samples; s++) {
-            float *b = total + (size_t)s * baker->columns, *x = direct + (size_t)s * baker->columns;
-            gather_row(baker, s, total, sum);
-            for (uint32_t k = 0; k < BLOCK; k++)
-                b[k] = x[k] + baker->samples[s].albedo[baker->column_channel[first + k]] * sum[k];
-        }
-        for (uint32_t s = 0; s < samples; s++) {
-            float *b = total + (size_t)s * baker->columns, *x = direct + (size_t)s * baker->columns;
-            float *r = residual + (size_t)s * BLOCK;
-            gather_row(baker, s, total, sum);
-            memcpy(solve->irradiance + (size_t)s * baker->columns + first, sum, sizeof sum);
+            const float *b = total + (size_t)s * baker->columns, *x = direct + (size_t)s * baker->columns;
+            float *r = residual + (size_t)s * BLOCK, *sum = solve->irradiance + (size_t)s * baker->columns + first;
+            memset(sum, 0, BLOCK * sizeof *sum);
+            for (size_t e = baker->row_first[s]; e < baker->row_first[s + 1]; e++)
+                chiaro_axpy(sum, baker->rows[e].weight, total + (size_t)baker->rows[e].node * baker->columns, BLOCK);
             for (uint32_t k = 0; k < BLOCK; k++) {
                 r[k] = x[k] + baker->samples[s].albedo[baker->column_channel[first + k]] * sum[k] - b[k];
                 wrong += (double)r[k] * r[k], size += (double)b[k] * b[k];
@@ -180,7 +211,9 @@ static void solve_block(Solve *solve, uint32_t block)
         solve->sweeps[block] = sweep + 1;
         if (wrong <= (double)TOLERANCE * TOLERANCE * size)
             break;
-        correct_coarsely(baker, first, total, residual, mean);
+        correct_coarsely(baker, first, residual, mean);
+        for (uint32_t s = 0; s < samples; s++)
+            chiaro_axpy(total + (size_t)s * baker->columns, 1, residual + (size_t)s * BLOCK, BLOCK);
     }
 done:
     free(residual);
@@ -195,20 +228,24 @@ static void solve_blocks(uint32_t begin, uint32_t end, uint32_t thread, void *us
 }
 
 /* Every training light is scaled so that its bounce light has mean square 1: a bright lamp teaches no more than a dim one.
- * The uniform columns stay as they are: they are measures of energy. */
-static void normalize(Baker *baker, float *irradiance)
+ * A light that nothing reflects (a sky from below the ground) teaches nothing and becomes zero. The uniform columns stay
+ * as they are: they are measures of energy. */
+static bool normalize(Baker *baker, float *irradiance)
 {
     uint32_t columns = baker->columns;
-    double *square = calloc(columns, sizeof *square);
-    for (uint32_t s = 0; square && s < baker->sample_count; s++) {
+    double *square = calloc(2 * (size_t)columns, sizeof *square), *source = square + columns;
+    if (!square)
+        return false;
+    for (uint32_t l = 0; l < baker->leaf_count; l++) {
         for (uint32_t t = 0; t < columns; t++) {
-            double i = irradiance[(size_t)s * columns + t];
-            square[t] += baker->samples[s].area * i * i;
+            double x = baker->direct[(size_t)l * columns + t];
+            source[t] += baker->leaf_weights[l] * x * x;
+            double i = l < baker->sample_count ? irradiance[(size_t)l * columns + t] : 0;
+            square[t] += baker->leaf_weights[l] * i * i;
         }
     }
-    for (uint32_t t = 0; square && t < columns; t++) {
-        bool uniform = t >= baker->uniform_column;
-        double scale = uniform ? 1 : square[t] > 0 ? sqrt(baker->patches.area / square[t]) : 0;
+    for (uint32_t t = 0; t < baker->uniform_column; t++) {
+        double scale = square[t] > LEAST_BOUNCE * source[t] ? sqrt(baker->patches.area / square[t]) : 0;
         for (uint32_t l = 0; l < baker->leaf_count; l++) {
             size_t at = (size_t)l * columns + t;
             baker->direct[at] = (float)(baker->direct[at] * scale);
@@ -218,6 +255,7 @@ static void normalize(Baker *baker, float *irradiance)
         }
     }
     free(square);
+    return true;
 }
 
 ChiaroResult chiaro_bake_solve(Baker *baker)
@@ -241,7 +279,8 @@ ChiaroResult chiaro_bake_solve(Baker *baker)
         return CHIARO_ERROR_MEMORY;
     if (!finished)
         return CHIARO_ERROR_INTERRUPTED;
-    normalize(baker, baker->irradiance);
+    if (!normalize(baker, baker->irradiance))
+        return CHIARO_ERROR_MEMORY;
     chiaro_bake_tree_sum(baker, baker->direct, baker->columns);
     chiaro_bake_tree_sum(baker, baker->total, baker->columns);
     return CHIARO_OK;

@@ -29,6 +29,7 @@ ChiaroResult chiaro_bake_write(Baker *baker, ChiaroBlob *blob)
         .sky_count = baker->sky_count,
         .leaf_count = baker->leaf_count,
         .node_count = baker->node_count,
+        .sample_row_count = baker->sample_row_count,
         .receiver_count = baker->receiver_count,
         .vertex_count = baker->vertex_count,
         .index_count = baker->index_count,

@@ -8,18 +8,20 @@
 void chiaro_gather_samples(const ChiaroTransport *transport, const float *values, float *irradiance)
 {
     uint32_t links = transport->info.sample_links;
-    for (uint32_t s = 0; s < transport->sample_count; s++) {
-        const float *scale = transport->sample_scales + 4 * (size_t)s;
+    for (uint32_t r = 0; r < transport->sample_row_count; r++) {
+        const float *scale = transport->sample_scales + 4 * (size_t)r;
         Vec3 sum = {0, 0, 0};
         for (uint32_t k = 0; k < links; k++) {
-            ChiaroLinkRgb link = transport->sample_links[CHIARO_LINK_INDEX(s, k, links)];
+            ChiaroLinkRgb link = transport->sample_links[CHIARO_LINK_INDEX(r, k, links)];
             Vec3 weight = {(float)((int32_t)link.node_red >> CHIARO_LINK_NODE_BITS),
                            (float)(int16_t)(uint16_t)(link.green_blue & 0xffffu),
                            (float)((int32_t)link.green_blue >> 16)};
             const float *value = values + 3 * (size_t)(link.node_red & CHIARO_LINK_NODE_MASK);
             sum = vec3_add(sum, vec3_mul(weight, vec3_load(value)));
         }
-        vec3_store(irradiance + 3 * (size_t)s, vec3_mul(sum, vec3_load(scale)));
+        sum = vec3_mul(sum, vec3_load(scale));
+        for (uint32_t s = (uint32_t)scale[3]; s < (uint32_t)scale[7]; s++)
+            vec3_store(irradiance + 3 * (size_t)s, sum);
     }
 }
 

@@ -26,8 +26,8 @@ void chiaro_file_arrays(ChiaroTransport *t, ChiaroFileArray arrays[CHIARO_FILE_A
     ARRAY(leaf_weights, t->leaf_count);
     ARRAY(sky_directions, 4 * (uint64_t)t->sky_count);
     ARRAY(nodes, t->node_count);
-    ARRAY(sample_links, chiaro_link_words(t->sample_count, t->info.sample_links));
-    ARRAY(sample_scales, 4 * (uint64_t)t->sample_count);
+    ARRAY(sample_links, chiaro_link_words(t->sample_row_count, t->info.sample_links));
+    ARRAY(sample_scales, 4 * ((uint64_t)t->sample_row_count + 1));
     ARRAY(receivers, t->receiver_count);
     ARRAY(receiver_links, chiaro_link_words(t->receiver_count, t->info.receiver_links));
     ARRAY(receiver_scales, t->receiver_count);
@@ -49,7 +49,7 @@ void chiaro_file_arrays(ChiaroTransport *t, ChiaroFileArray arrays[CHIARO_FILE_A
 /* Every 32-bit count, in file order. */
 #define COUNTS(X)                                                                                                      \
     X(sample_count) X(point_count) X(sky_count) X(leaf_count) X(node_count) X(receiver_count) X(vertex_count)          \
-    X(index_count) X(small_node_end) X(part_count) X(scene.vertex_count) X(scene.index_count) X(scene.part_count)      \
+    X(index_count) X(sample_row_count) X(small_node_end) X(part_count) X(scene.vertex_count) X(scene.index_count) X(scene.part_count)      \
     X(scene.material_count) X(scene.texture_count) X(scene.light_count) X(scene.camera_count)
 
 void chiaro_file_store_counts(const ChiaroTransport *transport, uint64_t counts[CHIARO_FILE_COUNTS])
@@ -152,17 +152,23 @@ static bool samples_sound(const ChiaroTransport *t, const ChiaroLog *log)
 
 static bool links_sound(const ChiaroTransport *t, const ChiaroLog *log)
 {
-    uint64_t words = chiaro_link_words(t->sample_count, t->info.sample_links);
+    uint64_t words = chiaro_link_words(t->sample_row_count, t->info.sample_links);
     for (uint64_t k = 0; k < words; k++) {
         if ((t->sample_links[k].node_red & CHIARO_LINK_NODE_MASK) >= t->node_count)
             return fault(log, "a sample link points outside the tree");
+    }
+    for (uint32_t row = 0; row <= t->sample_row_count; row++) {
+        /* First samples rise from 0 to the number of samples. */
+        float first = t->sample_scales[4 * (size_t)row + 3], before = row ? t->sample_scales[4 * (size_t)row - 1] : 0;
+        if (!(first >= before) || (row == 0 && first != 0) || (row == t->sample_row_count && first != (float)t->sample_count))
+            return fault(log, "the rows of sample links do not cover the samples");
     }
     words = chiaro_link_words(t->receiver_count, t->info.receiver_links);
     for (uint64_t k = 0; k < words; k++) {
         if ((t->receiver_links[k] & CHIARO_LINK_NODE_MASK) >= t->node_count)
             return fault(log, "a receiver link points outside the tree");
     }
-    return (all_finite(t->sample_scales, 4 * (size_t)t->sample_count) &&
+    return (all_finite(t->sample_scales, 4 * ((size_t)t->sample_row_count + 1)) &&
             all_finite(t->receiver_scales, t->receiver_count)) ||
            fault(log, "links hold weights that are not finite");
 }
