@@ -301,7 +301,7 @@ static void the_picture_does_not_depend_on_threads(void **state)
     Mesh mesh = lit_box();
     ChiaroLight lamp = point_light(0.2f, 0.9f, 0, 1);
     ChiaroReference *reference = make_reference(&mesh, &lamp, 1, NULL);
-    ChiaroReferenceDesc desc = small_picture(16);
+    ChiaroReferenceDesc desc = small_picture(512); /* enough for what pixels share */
     ChiaroReferenceImages one, three;
     desc.threads = 1;
     assert_int_equal(chiaro_reference_render(reference, &desc, &one), CHIARO_OK);
@@ -381,6 +381,46 @@ static void the_noise_estimate_is_honest(void **state)
     mesh_end(&mesh);
 }
 
+/* Pictures of many paths share what they know of bounced light. The mean of pictures of few paths, which do not, must be
+ * the same: pixel by pixel within the noise, and on the whole, where a fault that single pixels hide would show. */
+static void what_pixels_share_is_exact_too(void **state)
+{
+    (void)state;
+    enum { PIXELS = 24 * 16, PICTURES = 32 };
+    Mesh mesh = lit_box();
+    ChiaroLight lamp = point_light(0.2f, 0.9f, 0, 1);
+    ChiaroReference *reference = make_reference(&mesh, &lamp, 1, NULL);
+    ChiaroReferenceDesc desc = small_picture(4096);
+    ChiaroReferenceImages shared, alone;
+    double mean[PIXELS * 4] = {0}, squares = 0, values = 0, sum = 0, truth = 0, noise = 0;
+    assert_int_equal(chiaro_reference_render(reference, &desc, &shared), CHIARO_OK);
+    for (uint32_t i = 0; i < PICTURES; i++) {
+        desc.spp = 64, desc.seed = 100 + i;
+        assert_int_equal(chiaro_reference_render(reference, &desc, &alone), CHIARO_OK);
+        for (size_t j = 0; j < PIXELS * 4; j++)
+            mean[j] += (double)alone.pixels[CHIARO_COMPONENT_INDIRECT][j] / PICTURES;
+        noise += alone.noise[CHIARO_COMPONENT_INDIRECT] * alone.noise[CHIARO_COMPONENT_INDIRECT];
+        chiaro_reference_free_images(&alone);
+    }
+    for (size_t j = 0; j < PIXELS * 4; j++) {
+        if (j % 4 == 3)
+            continue;
+        double a = (double)shared.pixels[CHIARO_COMPONENT_INDIRECT][j];
+        squares += (a - mean[j]) * (a - mean[j]), values += mean[j] * mean[j];
+        sum += a, truth += mean[j];
+    }
+    noise /= PICTURES * PICTURES;
+    noise += shared.noise[CHIARO_COMPONENT_INDIRECT] * shared.noise[CHIARO_COMPONENT_INDIRECT];
+    double error = sqrt(squares / values), expected = sqrt(noise);
+    if (expected > 0.01 || error > 1.3 * expected || error < 0.7 * expected)
+        fail_msg("difference should be %g, is %g", expected, error);
+    if (fabs(sum / truth - 1) > 1.5e-3)
+        fail_msg("on the whole it is off by %g", sum / truth - 1);
+    chiaro_reference_free_images(&shared);
+    chiaro_reference_destroy(reference);
+    mesh_end(&mesh);
+}
+
 static bool stop_at_once(float done, void *user)
 {
     (void)done;
@@ -429,6 +469,7 @@ int main(void)
         cmocka_unit_test(the_picture_does_not_depend_on_threads),
         cmocka_unit_test(the_components_add_up_and_the_sky_shows_where_no_surface_is),
         cmocka_unit_test(the_noise_estimate_is_honest),
+        cmocka_unit_test(what_pixels_share_is_exact_too),
         cmocka_unit_test(it_can_be_interrupted_and_refuses_nonsense),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,25 +1,12 @@
 /* An emitting triangle is drawn as often as its area times its mean emission; a point on it evenly. Where the guess of
  * the mean misses a bright spot of a texture the picture gets noisier, not wrong: rays that find it by chance count
  * fully. */
-#include "emitters.h"
-
-#include "../core/vec.h"
+#include "path.h"
 
 #include <stdlib.h>
 
 /* Points per edge of the lattice on which textured emission is averaged. */
 #define LATTICE 6
-
-static double area_of(const ChiaroScene *scene, uint32_t triangle)
-{
-    const uint32_t *index = scene->indices + (size_t)triangle * 3;
-    Vec3 a = vec3_load(scene->vertices[index[0]].position);
-    Vec3 e = vec3_sub(vec3_load(scene->vertices[index[1]].position), a);
-    Vec3 f = vec3_sub(vec3_load(scene->vertices[index[2]].position), a);
-    double x = (double)e.y * f.z - (double)e.z * f.y, y = (double)e.z * f.x - (double)e.x * f.z;
-    double z = (double)e.x * f.y - (double)e.y * f.x;
-    return 0.5 * sqrt(x * x + y * y + z * z);
-}
 
 static double power_of(const ChiaroScene *scene, uint32_t part, uint32_t triangle)
 {
@@ -36,7 +23,7 @@ static double power_of(const ChiaroScene *scene, uint32_t part, uint32_t triangl
             sum += vec3_luminance(vec3_load(emission));
         }
     }
-    return area_of(scene, triangle) * sum / points;
+    return path_triangle_area(scene, triangle) * sum / points;
 }
 
 /* Appends the emitting triangles of one part; without arrays it only counts. */
@@ -76,7 +63,8 @@ bool emitters_create(const ChiaroScene *scene, Emitters *emitters)
         add_part(scene, i, emitters);
     for (size_t i = 0; i < count; i++) {
         double share = (emitters->sums[i + 1] - emitters->sums[i]) / emitters->sums[count];
-        emitters->densities[emitters->triangles[i]] = (float)(share / area_of(scene, emitters->triangles[i]));
+        uint32_t triangle = emitters->triangles[i];
+        emitters->densities[triangle] = (float)(share / path_triangle_area(scene, triangle));
     }
     return true;
 }

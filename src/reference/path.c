@@ -1,14 +1,20 @@
 /* One path: at each vertex it asks the lamps, aims at an emitter and at the sky, and goes on in a cosine-distributed
  * direction; what both an aimed and a free ray can find is shared between them by multiple importance sampling (Veach
  * and Guibas 1995). One more ray starts at a lamp, and the place that it lights is joined to every vertex, which tames
- * the bright spot around a lamp that hangs close to a wall: free rays alone seldom find it, and then it glares. */
-#include "path.h"
+ * the bright spot around a lamp that hangs close to a wall: free rays alone seldom find it, and then it glares. In a
+ * picture the first vertex is joined to a pool of points, too, that know what light they pass on. */
+#include "pool.h"
 
 /* Up to here every lamp is asked at every vertex; of more, one that is likely to matter. */
 #define MAX_ASKED_LAMPS 8u
 /* Paths that carry less than this end by chance (Russian roulette). Measured on a Cornell box: noise^2 * seconds is
  * flat from 0.1 to 0.25 and twice as high at 0.5. */
 #define ROULETTE_BELOW 0.15f
+/* Share of the paths that go on where the map has guessed. */
+#define ON_SHARE 0.25f
+/* Each pool point holds the mean of many paths and is worth more than a path that goes on: by so much its density
+ * counts more in sharing. Any value is right; this one had the least noise for the time. */
+#define POOL_TRUST 500.0f
 
 /* Pairs of random numbers that a path uses: two for the lamp's ray, then four a vertex. */
 enum { PAIR_LAMP_DIRECTION, PAIR_LAMP_CHOICE, PAIR_VERTICES };
@@ -27,6 +33,32 @@ static float mis_weight(float a, float b)
     return a > b ? 1 / (1 + squared(b / a)) : a > 0 ? squared(a / b) / (1 + squared(a / b)) : 0;
 }
 
+/* Twice the area times the normal, by doubles: edges of any length must not under- or overflow. */
+static void cross_edges(const ChiaroScene *scene, uint32_t triangle, double cross[3])
+{
+    const uint32_t *index = scene->indices + (size_t)triangle * 3;
+    Vec3 a = vec3_load(scene->vertices[index[0]].position);
+    Vec3 e = vec3_sub(vec3_load(scene->vertices[index[1]].position), a);
+    Vec3 f = vec3_sub(vec3_load(scene->vertices[index[2]].position), a);
+    cross[0] = (double)e.y * (double)f.z - (double)e.z * (double)f.y;
+    cross[1] = (double)e.z * (double)f.x - (double)e.x * (double)f.z;
+    cross[2] = (double)e.x * (double)f.y - (double)e.y * (double)f.x;
+}
+
+double path_triangle_area(const ChiaroScene *scene, uint32_t triangle)
+{
+    double c[3];
+    cross_edges(scene, triangle, c);
+    return 0.5 * sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);
+}
+
+Vec3 path_triangle_normal(const ChiaroScene *scene, uint32_t triangle)
+{
+    double c[3], length = 2 * path_triangle_area(scene, triangle);
+    cross_edges(scene, triangle, c);
+    return length > 0 ? vec3((float)(c[0] / length), (float)(c[1] / length), (float)(c[2] / length)) : vec3(0, 0, 0);
+}
+
 Place path_place(const World *world, uint32_t part, uint32_t triangle, float u, float v, Vec3 geometric)
 {
     const ChiaroScene *scene = world->scene;
@@ -39,9 +71,10 @@ Place path_place(const World *world, uint32_t part, uint32_t triangle, float u, 
     shading = vec3_normalize(vec3_mad(vec3_mad(shading, vec3_load(b->normal), u), vec3_load(c->normal), v));
     if (!(vec3_dot(shading, shading) > 0))
         shading = geometric;
-    chiaro_surface(scene, part, triangle, u, v, albedo, emission);
+    float alpha = chiaro_surface(scene, part, triangle, u, v, albedo, emission);
     return (Place){position, vec3_mad(position, geometric, chiaro_rays_epsilon(world->rays)), geometric, shading,
-                   vec3_load(albedo), vec3_load(emission), triangle};
+                   vec3_load(albedo), vec3_load(emission), triangle,
+                   alpha < scene->materials[scene->parts[part].material].alpha_cutoff};
 }
 
 /* What a direction counts: its cosine, and that of the direction which is mirrored up to it (see reference.h).
@@ -171,13 +204,12 @@ Vec3 path_punctual(const World *world, const Place *place, uint64_t *rays)
     return sum;
 }
 
-/* Density per m^2 around `to` of the free ray from `from`. */
-static float free_density(const Place *from, const Place *to)
+/* Density per m^2 of the free ray from a place, around a point with this normal: also the geometric factor. From the
+ * origin, where rays start: beside an edge the other wall may be nearer than the origin is to its own. */
+static float free_density(const Place *from, Vec3 position, Vec3 normal)
 {
-    Vec3 line = vec3_sub(to->position, from->position);
-    float square = vec3_dot(line, line);
-    Vec3 direction = vec3_normalize(line);
-    return kernel(from, direction) / CHIARO_PI * fmaxf(0, -vec3_dot(direction, to->geometric)) / square;
+    Vec3 line = vec3_sub(position, from->origin), direction = vec3_normalize(line);
+    return kernel(from, direction) / CHIARO_PI * fmaxf(0, -vec3_dot(direction, normal)) / vec3_dot(line, line);
 }
 
 /* A place that a lamp's ray found. */
@@ -225,8 +257,7 @@ static Lit follow_lamp_ray(const World *world, Sampler *sampler, uint64_t *rays)
 /* What a lit place sends to another: irradiance / pi. */
 static Vec3 from_lit(const World *world, const Place *place, const Lit *lit, uint64_t *rays)
 {
-    /* The free ray's density is the geometric factor between the two, too. */
-    float free = free_density(place, &lit->place);
+    float free = free_density(place, lit->place.position, lit->place.geometric);
     if (!(free > 0) || !joined(world, place->origin, lit->place.origin, rays))
         return vec3(0, 0, 0);
     return vec3_scale(lit->light, free / lit->density * mis_weight(lit->density, free));
@@ -243,25 +274,16 @@ static float per_steradian(float density, Vec3 direction, const Place *seen, flo
     return cosine > 0 ? density * squared(distance) / cosine : INFINITY;
 }
 
-static Vec3 geometric_normal(const ChiaroScene *scene, uint32_t triangle)
-{
-    const uint32_t *index = scene->indices + (size_t)triangle * 3;
-    Vec3 a = vec3_load(scene->vertices[index[0]].position);
-    Vec3 e = vec3_normalize(vec3_sub(vec3_load(scene->vertices[index[1]].position), a));
-    Vec3 f = vec3_normalize(vec3_sub(vec3_load(scene->vertices[index[2]].position), a));
-    return vec3_normalize(vec3_cross(e, f));
-}
-
 static Vec3 from_emitter(const World *world, const Place *place, float choice, Pair pair, uint64_t *rays)
 {
     EmitterPoint point = emitters_draw(&world->emitters, choice, pair);
     Place seen = path_place(world, point.part, point.triangle, point.u, point.v,
-                            geometric_normal(world->scene, point.triangle));
-    Vec3 line = vec3_sub(seen.position, place->position), direction = vec3_normalize(line);
+                            path_triangle_normal(world->scene, point.triangle));
+    Vec3 line = vec3_sub(seen.position, place->origin), direction = vec3_normalize(line);
     float weight = kernel(place, direction);
     float density = per_steradian(point.density, direction, &seen, vec3_length(line));
     if (!(weight > 0) || !(density < INFINITY) || !(density > 0) || !(vec3_max(seen.emission) > 0) ||
-        !joined(world, place->origin, seen.origin, rays))
+        seen.hole || !joined(world, place->origin, seen.origin, rays))
         return vec3(0, 0, 0);
     return vec3_scale(seen.emission, weight / CHIARO_PI / density * mis_weight(density, weight / CHIARO_PI));
 }
@@ -304,18 +326,68 @@ static Vec3 found_emission(const World *world, const Place *seen, Vec3 direction
     return vec3_scale(seen->emission, mis_weight(density, aimed));
 }
 
-Vec3 path_indirect(const World *world, const Place *first, Sampler *sampler, uint32_t depth, uint64_t *rays)
+/* A path that carries little ends by chance, or carries more. False: it ends. */
+static bool survives(Vec3 *carried, Sampler *sampler)
+{
+    float strength = vec3_max(*carried);
+    if (strength >= ROULETTE_BELOW)
+        return true;
+    if (chiaro_random_float(&sampler->random) * ROULETTE_BELOW >= strength)
+        return false;
+    *carried = vec3_scale(*carried, ROULETTE_BELOW / strength);
+    return true;
+}
+
+/* What some points of the pool know better than the map: irradiance / pi, of either sign. */
+static Vec3 from_pool(const World *world, const Place *place, const Joins *joins, uint64_t *rays)
+{
+    const Pool *pool = joins->pool;
+    Vec3 sum = vec3(0, 0, 0);
+    for (uint32_t i = 0; i < POOL_JOINS; i++) {
+        const PoolPoint *point = &pool->points[(joins->first + i) & (pool->count - 1)];
+        float free = free_density(place, point->position, point->normal);
+        float share = free / ((float)POOL_JOINS * point->density) * mis_weight(POOL_TRUST * point->density, free);
+        Vec3 origin = vec3_mad(point->position, point->normal, chiaro_rays_epsilon(world->rays));
+        if (share > 0 && joined(world, place->origin, origin, rays))
+            sum = vec3_mad(sum, point->light, share);
+    }
+    return sum;
+}
+
+/* A free ray has come to its first place: what the map guesses there. True if the path goes on, to correct it. */
+static bool guess(const Place *place, const Joins *joins, float arrival, Sampler *sampler, Vec3 *carried, Vec3 *light)
+{
+    Vec3 map = pool_guess(joins->pool, place);
+    *light = vec3_add(*light, vec3_mul(*carried, map));
+    float weight = mis_weight(arrival, POOL_TRUST * joins->pool->densities[place->triangle]);
+    if (chiaro_random_float(&sampler->random) >= ON_SHARE || !(weight > 0))
+        return false;
+    *carried = vec3_scale(*carried, weight / ON_SHARE);
+    if (!survives(carried, sampler))
+        return false;
+    *light = vec3_sub(*light, vec3_mul(*carried, map));
+    return true;
+}
+
+Vec3 path_indirect(const World *world, const Place *first, Sampler *sampler, uint32_t depth, const Joins *joins,
+                   uint64_t *rays)
 {
     Vec3 light = vec3(0, 0, 0), carried = vec3(1, 1, 1);
     Place place = *first;
     bool lamp_ray = world->lamp_shares && depth != 1;
     Lit lit = lamp_ray ? follow_lamp_ray(world, sampler, rays) : (Lit){0};
-    float arrival = INFINITY; /* density of the free ray that came here, if it shares with the lamp's ray */
+    float arrival = INFINITY; /* density per m^2 of the free ray that came here */
     for (uint32_t vertex = 0; depth == 0 || vertex < depth; vertex++) {
-        Vec3 here = vec3(0, 0, 0);
         Pair choices = sampler_pair(sampler, pair_at(vertex, PAIR_CHOICES));
-        if (vertex > 0)
-            here = from_lamps(world, &place, arrival, choices.v, rays);
+        if (vertex > 0) {
+            Vec3 lamps = from_lamps(world, &place, lamp_ray ? arrival : INFINITY, choices.v, rays);
+            light = vec3_add(light, vec3_mul(carried, lamps));
+        }
+        if (vertex == 1 && joins && !guess(&place, joins, arrival, sampler, &carried, &light))
+            return light;
+        Vec3 here = vec3(0, 0, 0);
+        if (vertex == 0 && joins)
+            here = from_pool(world, &place, joins, rays);
         if (lit.found && (depth == 0 || vertex + 1 < depth))
             here = vec3_add(here, from_lit(world, &place, &lit, rays));
         if (world->emitters.count) {
@@ -337,14 +409,9 @@ Vec3 path_indirect(const World *world, const Place *first, Sampler *sampler, uin
         Place next = path_place(world, hit.part, hit.triangle, hit.u, hit.v, hit.normal);
         light = vec3_add(light, vec3_mul(carried, found_emission(world, &next, direction, hit.distance, density)));
         carried = vec3_mul(carried, next.albedo);
-
-        float strength = vec3_max(carried);
-        if (strength < ROULETTE_BELOW) {
-            if (chiaro_random_float(&sampler->random) * ROULETTE_BELOW >= strength)
-                return light;
-            carried = vec3_scale(carried, ROULETTE_BELOW / strength);
-        }
-        arrival = lamp_ray ? free_density(&place, &next) : INFINITY;
+        if (!survives(&carried, sampler))
+            return light;
+        arrival = density * -vec3_dot(direction, next.geometric) / squared(hit.distance);
         place = next;
     }
     return light;

@@ -5,7 +5,7 @@
 
 #include "../core/log.h"
 #include "../offline/parallel.h"
-#include "path.h"
+#include "pool.h"
 
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -13,6 +13,16 @@
 #define IRRADIANCE_BATCHES 16u
 /* Pixels a thread takes at a time: few, so that an interrupt is heard soon. */
 #define PIXEL_RUN 16u
+
+/* The pools hold half as many paths as the picture has pixels times paths. A point averages enough of them to know the
+ * light better than the map does. */
+#define POOL_SHARE 4u
+#define MIN_POOL_SAMPLES 64u
+#define MAX_POOL_SAMPLES 1024u
+#define MIN_POOL_POINTS (1u << 8)
+#define MAX_POOL_POINTS (1u << 18)
+/* Rays that look where the picture's paths arrive. */
+#define SCOUTS (1u << 18)
 
 struct ChiaroReference {
     World world;
@@ -79,6 +89,8 @@ typedef struct Picture {
     float *squares; /* per pixel: squared difference of the two halves of the indirect light, sum over channels */
     Vec3 right;
     float tangent; /* of half the opening, per half picture height */
+    Pool pools[2];         /* one for each half; empty if they do not pay */
+    atomic_uint *arrivals; /* scouts that came to each triangle */
     atomic_uint_fast64_t rays;
 } Picture;
 
@@ -112,18 +124,26 @@ static void set_pixel(const Picture *picture, ChiaroComponent component, uint32_
     rgba[3] = alpha;
 }
 
+/* `pool` may be NULL. */
 static void mean_of_paths(const World *world, const Place *place, uint64_t key, uint32_t count, uint32_t depth,
-                          double mean[3], uint64_t *rays)
+                          const Pool *pool, double mean[3], uint64_t *rays)
 {
     double sum[3] = {0, 0, 0};
+    /* A run of points that starts at a multiple of its length is well spread: where, is chance. */
+    uint32_t length = 1, start = (uint32_t)(key >> 32);
+    while (length < count * POOL_JOINS && length < MAX_POOL_POINTS)
+        length *= 2;
     for (uint32_t i = 0; i < count; i++) {
         Sampler sampler = sampler_make(key, i);
-        Vec3 light = path_indirect(world, place, &sampler, depth, rays);
+        Joins joins = {pool, (start & ~(length - 1)) + i * POOL_JOINS};
+        Vec3 light = path_indirect(world, place, &sampler, depth, pool ? &joins : NULL, rays);
         sum[0] += (double)light.x, sum[1] += (double)light.y, sum[2] += (double)light.z;
     }
     for (uint32_t c = 0; c < 3; c++)
         mean[c] = sum[c] / count;
 }
+
+static uint32_t half_spp(const ChiaroReferenceDesc *desc) { return (desc->spp + 1) / 2; }
 
 static void trace_pixel(Picture *picture, uint32_t pixel, uint64_t *rays)
 {
@@ -145,8 +165,10 @@ static void trace_pixel(Picture *picture, uint32_t pixel, uint64_t *rays)
     Vec3 punctual = vec3_mul(place.albedo, path_punctual(world, &place, rays));
     uint64_t key = chiaro_random_mix(chiaro_random_mix(desc->seed) + pixel);
     double halves[2][3];
-    for (uint32_t i = 0; i < 2; i++)
-        mean_of_paths(world, &place, chiaro_random_mix(key + i), (desc->spp + 1) / 2, desc->depth, halves[i], rays);
+    for (uint32_t i = 0; i < 2; i++) {
+        const Pool *pool = picture->pools[i].count ? &picture->pools[i] : NULL;
+        mean_of_paths(world, &place, chiaro_random_mix(key + i), half_spp(desc), desc->depth, pool, halves[i], rays);
+    }
     float albedo[3], mean[3];
     double square = 0;
     vec3_store(albedo, place.albedo);
@@ -170,6 +192,62 @@ static void trace_pixels(uint32_t begin, uint32_t end, uint32_t thread, void *us
     for (uint32_t i = begin; i < end; i++)
         trace_pixel(picture, i, &rays);
     atomic_fetch_add(&picture->rays, rays);
+}
+
+static void send_scouts(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    (void)thread;
+    Picture *picture = user;
+    const World *world = picture->world;
+    uint64_t rays = 0;
+    for (uint32_t i = begin; i < end; i++) {
+        ChiaroRandom random = chiaro_random_seed(~(uint64_t)picture->desc->seed, i);
+        uint32_t x = chiaro_random_bits(&random) % picture->desc->width;
+        uint32_t y = chiaro_random_bits(&random) % picture->desc->height;
+        Vec3 direction;
+        ChiaroHit hit;
+        if (!first_hit(picture, x, y, &direction, &hit, &rays))
+            continue;
+        Place place = path_place(world, hit.part, hit.triangle, hit.u, hit.v, hit.normal);
+        float u = chiaro_random_float(&random);
+        direction = vec3_cosine_direction(place.geometric, u, chiaro_random_float(&random));
+        rays++;
+        if (chiaro_rays_hit(world->rays, place.origin, direction, 0, INFINITY, &hit) && hit.front)
+            atomic_fetch_add(&picture->arrivals[hit.triangle], 1);
+    }
+    atomic_fetch_add(&picture->rays, rays);
+}
+
+/* Pools are an aid: where they do not pay, or memory is short, they stay empty. */
+static void make_pools(Picture *picture)
+{
+    const ChiaroReferenceDesc *desc = picture->desc;
+    uint32_t triangles = picture->world->scene->index_count / 3, points = 1;
+    uint64_t paths = (uint64_t)desc->width * desc->height * half_spp(desc) / POOL_SHARE;
+    while (points < MAX_POOL_POINTS && 2 * (uint64_t)points * MIN_POOL_SAMPLES <= paths)
+        points *= 2;
+    uint64_t samples = paths / points < MAX_POOL_SAMPLES ? paths / points : MAX_POOL_SAMPLES;
+    if (points < MIN_POOL_POINTS || desc->depth == 1)
+        return;
+    picture->arrivals = malloc(triangles * sizeof *picture->arrivals);
+    uint32_t *wanted = malloc(triangles * sizeof *wanted);
+    if (picture->arrivals && wanted) {
+        for (uint32_t i = 0; i < triangles; i++)
+            atomic_init(&picture->arrivals[i], 0);
+        chiaro_parallel_for(desc->threads, SCOUTS, 1024, send_scouts, picture, NULL, NULL);
+        for (uint32_t i = 0; i < triangles; i++)
+            wanted[i] = atomic_load(&picture->arrivals[i]);
+        uint64_t rays = 0;
+        PoolDesc pool = {.wanted = wanted, .points = points, .samples = (uint32_t)samples,
+                         .depth = desc->depth ? desc->depth - 1 : 0, .threads = desc->threads};
+        for (uint32_t i = 0; i < 2; i++) {
+            pool.seed = chiaro_random_mix(desc->seed ^ (uint64_t)(i + 1) << 40);
+            pool_create(picture->world, &pool, &picture->pools[i], &rays);
+        }
+        atomic_fetch_add(&picture->rays, rays);
+    }
+    free(picture->arrivals);
+    free(wanted);
 }
 
 /* The mean of two halves is off by half of what they differ, in the mean square. */
@@ -214,6 +292,8 @@ ChiaroResult chiaro_reference_render(const ChiaroReference *reference, const Chi
         good = good && images->pixels[i];
     }
     ChiaroResult result = good ? CHIARO_OK : CHIARO_ERROR_MEMORY;
+    if (good)
+        make_pools(&picture);
     if (good && !chiaro_parallel_for(desc->threads, (uint32_t)pixels, PIXEL_RUN, trace_pixels, &picture, desc->progress,
                                      desc->progress_user))
         result = CHIARO_ERROR_INTERRUPTED;
@@ -225,6 +305,8 @@ ChiaroResult chiaro_reference_render(const ChiaroReference *reference, const Chi
     } else {
         chiaro_reference_free_images(images);
     }
+    pool_destroy(&picture.pools[0]);
+    pool_destroy(&picture.pools[1]);
     free(picture.squares);
     return result;
 }
@@ -254,7 +336,7 @@ static void trace_batches(uint32_t begin, uint32_t end, uint32_t thread, void *u
     uint64_t rays = 0;
     for (uint32_t i = begin; i < end; i++) {
         uint64_t key = chiaro_random_mix(chiaro_random_mix(probe->seed) + i);
-        mean_of_paths(probe->world, probe->place, key, probe->samples, probe->depth, probe->means[i], &rays);
+        mean_of_paths(probe->world, probe->place, key, probe->samples, probe->depth, NULL, probe->means[i], &rays);
     }
 }
 
