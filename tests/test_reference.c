@@ -381,8 +381,8 @@ static void the_noise_estimate_is_honest(void **state)
     mesh_end(&mesh);
 }
 
-/* Pictures of many paths share what they know of bounced light. The mean of pictures of few paths, which do not, must be
- * the same: pixel by pixel within the noise, and on the whole, where a fault that single pixels hide would show. */
+/* Pictures of many paths share what they know of bounced light. The mean of pictures of few paths, which do not, must
+ * be the same: pixel by pixel within the noise, and on the whole, where a fault that single pixels hide would show. */
 static void what_pixels_share_is_exact_too(void **state)
 {
     (void)state;
