@@ -104,7 +104,7 @@ CHIARO_STRUCT(ChiaroSkyPush)
 CHIARO_STRUCT(ChiaroComputePush)
 {
     CHIARO_UVEC4(range); /* first and number of things to do, links a row, first value of the buffer half that is read */
-    CHIARO_UVEC4(more);  /* first value of the half that is written; unused */
+    CHIARO_UVEC4(more);  /* first value of the half that is written, number of samples, number of leaves; unused */
 };
 
 /* What the passes need of a sample. */

@@ -201,9 +201,9 @@ static void record_gi(ChiaroVulkan *context, VkCommandBuffer commands)
     ChiaroComputePush samples = {.range = {0, t->sample_count}};
     dispatch(context, commands, lit, t->sample_count, &samples);
     record_tree(context, commands, 0);
-    ChiaroComputePush bounces = {.range = {0, t->sample_count, t->info.sample_links},
-                                 .more = {t->node_count, t->leaf_count}};
-    dispatch(context, commands, GI_GATHER_SAMPLES, t->leaf_count, &bounces);
+    ChiaroComputePush bounces = {.range = {0, t->sample_row_count, t->info.sample_links},
+                                 .more = {t->node_count, t->sample_count, t->leaf_count}};
+    dispatch(context, commands, GI_GATHER_SAMPLES, t->sample_row_count + t->sky_count, &bounces);
     record_tree(context, commands, t->node_count);
     ChiaroComputePush receivers = {.range = {0, t->receiver_count, t->info.receiver_links, t->node_count}};
     dispatch(context, commands, GI_GATHER_RECEIVERS, t->receiver_count, &receivers);
@@ -267,7 +267,8 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands)
         if (leaves)
             write_sky_leaves(context, commands);
         barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT,
-                VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT);
+                VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT,
+                VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT);
         context->updates++;
     }
     if (lights)

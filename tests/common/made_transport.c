@@ -158,13 +158,18 @@ static void make_links(Made *made, uint32_t links)
     ChiaroTransport *t = &made->t;
     ChiaroRandom random = chiaro_random_seed(7, 0);
     float scale = 1 / ((float)links * CHIARO_LINK_WEIGHT_MAX);
-    for (uint32_t s = 0; s < t->sample_count; s++) {
+    /* Rows serve 1, 2, 3, 1, 2, 3 ... samples; the last what is left. */
+    uint32_t row = 0;
+    for (uint32_t s = 0; s < t->sample_count; s += 1 + row++ % 3) {
         for (uint32_t k = 0; k < links; k++)
-            made->sample_links[CHIARO_LINK_INDEX(s, k, links)] =
+            made->sample_links[CHIARO_LINK_INDEX(row, k, links)] =
                 (ChiaroLinkRgb){random_word(&random, t->node_count), chiaro_random_bits(&random)};
-        made->sample_scales[4 * s] = scale;
-        made->sample_scales[4 * s + 1] = made->sample_scales[4 * s + 2] = scale / 4;
+        made->sample_scales[4 * row] = scale;
+        made->sample_scales[4 * row + 1] = made->sample_scales[4 * row + 2] = scale / 4;
+        made->sample_scales[4 * row + 3] = (float)s;
     }
+    made->sample_scales[4 * row + 3] = (float)t->sample_count;
+    t->sample_row_count = row;
     for (uint32_t r = 0; r < t->receiver_count; r++) {
         for (uint32_t k = 0; k < links; k++)
             made->receiver_links[CHIARO_LINK_INDEX(r, k, links)] = random_word(&random, t->node_count);
