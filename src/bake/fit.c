@@ -13,14 +13,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_COLUMNS = 768, ACTIVE_ROUNDS = 8 };
+enum { MOST_COLUMNS = 768, DESCENT_SWEEPS = 100 };
 
 /* Expected error of the fit, as a part of the row's light: the smaller, the further weights may leave the form factors. */
 static const float FIT_NOISE = 0.01f;
 /* Weights are this free: as a part of themselves plus a part of the mean weight. */
 static const float FREEDOM_OF_MEAN = 0.5f;
 /* A training light counts by its brightness to this power, minus one: 1 would heed bright ones only, 0 all alike. */
-static const float LEVEL_POWER = 0.5f;
+static const float LEVEL_POWER = 0.75f;
 /* Training lights below this part of the brightest do not count in a tile. */
 static const float LEAST_LEVEL = 1e-6f;
 /* Uniform light and the scene's own emitters count as much as this many training lights. */
@@ -50,7 +50,7 @@ struct Fitter {
     uint32_t width;
     Open open[CHIARO_MAX_LINKS + 1];
     float *light_arena, *target, *scratch;
-    double *system, *factor;
+    double *system, *slope;
     uint32_t *order;
     float *level;
     /* the row at hand */
@@ -109,12 +109,12 @@ Fitter *chiaro_fitter_create(const FitTask *task)
     fitter->target = malloc(most * sizeof *fitter->target);
     fitter->scratch = malloc(most * sizeof *fitter->scratch);
     fitter->system = malloc(k * k * sizeof *fitter->system);
-    fitter->factor = malloc(k * k * sizeof *fitter->factor);
+    fitter->slope = malloc(k * sizeof *fitter->slope);
     fitter->order = malloc(task->baker->columns * sizeof *fitter->order);
     fitter->level = malloc(task->baker->columns * sizeof *fitter->level);
     if (!table_create(&fitter->truth, task->truth, task->baker->node_count) ||
         !table_create(&fitter->feature, task->feature, task->baker->node_count) || !fitter->light_arena ||
-        !fitter->target || !fitter->scratch || !fitter->system || !fitter->factor || !fitter->order || !fitter->level) {
+        !fitter->target || !fitter->scratch || !fitter->system || !fitter->slope || !fitter->order || !fitter->level) {
         chiaro_fitter_destroy(fitter);
         return NULL;
     }
@@ -135,7 +135,7 @@ void chiaro_fitter_destroy(Fitter *fitter)
     free(fitter->target);
     free(fitter->scratch);
     free(fitter->system);
-    free(fitter->factor);
+    free(fitter->slope);
     free(fitter->order);
     free(fitter->level);
     free(fitter);
@@ -332,40 +332,32 @@ static uint32_t cut(Fitter *fitter)
     }
 }
 
-/* Solves A x = b for the unknowns that are active (A symmetric positive definite), by Cholesky. */
-static void solve_active(Fitter *fitter, uint32_t n, const bool *active, const double *b, double *x)
+/* Least squares under x >= 0, on the normal equations A x = b, by coordinate descent from x: each step is exact in one
+ * unknown, so the error only falls. */
+static void descend(const Fitter *fitter, uint32_t n, const double *b, double *x)
 {
-    double *l = fitter->factor;
-    uint32_t index[CHIARO_MAX_LINKS], m = 0;
+    const double *a = fitter->system;
+    double *slope = fitter->slope; /* A x - b */
     for (uint32_t i = 0; i < n; i++) {
-        if (active[i])
-            index[m++] = i;
+        slope[i] = -b[i];
+        for (uint32_t j = 0; j < n; j++)
+            slope[i] += a[(size_t)i * n + j] * x[j];
     }
-    for (uint32_t i = 0; i < m; i++) {
-        for (uint32_t j = 0; j <= i; j++) {
-            double sum = fitter->system[(size_t)index[i] * n + index[j]];
-            for (uint32_t k = 0; k < j; k++)
-                sum -= l[(size_t)i * n + k] * l[(size_t)j * n + k];
-            l[(size_t)i * n + j] = i == j ? sqrt(fmax(sum, 1e-300)) : sum / l[(size_t)j * n + j];
+    for (int sweep = 0; sweep < DESCENT_SWEEPS; sweep++) {
+        double moved = 0, size = 0;
+        for (uint32_t i = 0; i < n; i++) {
+            const double *row = a + (size_t)i * n;
+            double next = fmax(0, x[i] - slope[i] / row[i]), step = next - x[i];
+            size += next * next, moved += step * step;
+            if (step == 0)
+                continue;
+            x[i] = next;
+            for (uint32_t j = 0; j < n; j++)
+                slope[j] += row[j] * step;
         }
+        if (moved < 1e-8 * size)
+            break;
     }
-    double y[CHIARO_MAX_LINKS];
-    for (uint32_t i = 0; i < m; i++) {
-        double sum = b[index[i]];
-        for (uint32_t k = 0; k < i; k++)
-            sum -= l[(size_t)i * n + k] * y[k];
-        y[i] = sum / l[(size_t)i * n + i];
-    }
-    for (uint32_t i = m; i-- > 0;) {
-        double sum = y[i];
-        for (uint32_t k = i + 1; k < m; k++)
-            sum -= l[(size_t)k * n + i] * y[k];
-        y[i] = sum / l[(size_t)i * n + i];
-    }
-    for (uint32_t i = 0; i < n; i++)
-        x[i] = 0;
-    for (uint32_t i = 0; i < m; i++)
-        x[index[i]] = y[i];
 }
 
 /* Weights of one channel: ridge regression about the form factors, held at zero or above. */
@@ -373,7 +365,6 @@ static bool fit_channel(Fitter *fitter, uint32_t channel, uint32_t n, const floa
 {
     uint32_t begin = fitter->begin[channel], count = fitter->begin[channel + 1] - begin;
     double b[CHIARO_MAX_LINKS], x[CHIARO_MAX_LINKS], mean = 0;
-    bool active[CHIARO_MAX_LINKS];
     for (uint32_t i = 0; i < n; i++) {
         if (!table_row(fitter, &fitter->feature, fitter->open[i].node))
             return false;
@@ -392,20 +383,11 @@ static bool fit_channel(Fitter *fitter, uint32_t channel, uint32_t n, const floa
         double ridge = freedom > 0 ? noise / (freedom * freedom) : 1;
         b[i] = chiaro_dot(row, fitter->target + begin, count) + ridge * prior[i];
         fitter->system[(size_t)i * n + i] += ridge + 1e-30;
-        active[i] = true;
+        x[i] = prior[i];
     }
-    for (int round = 0; round < ACTIVE_ROUNDS; round++) {
-        bool negative = false;
-        solve_active(fitter, n, active, b, x);
-        for (uint32_t i = 0; i < n; i++) {
-            if (x[i] < 0)
-                active[i] = false, negative = true;
-        }
-        if (!negative)
-            break;
-    }
+    descend(fitter, n, b, x);
     for (uint32_t i = 0; i < n; i++)
-        weights[i] = (float)fmax(0, x[i]);
+        weights[i] = (float)x[i];
     return true;
 }
 

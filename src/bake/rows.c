@@ -16,7 +16,7 @@
 #include <string.h>
 
 /* Fewer hits than this do not tell a node's halves apart. */
-enum { FEW_HITS = 12 };
+enum { FEW_HITS = 6 };
 
 /* At this distance, as a part of the scene's free path, a blocker in a closed scene counts as half open. */
 static const float CAVITY_PART_OF_FREE_PATH = 0.25f;

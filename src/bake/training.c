@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SUNS = 96, SKIES = 224, LEAST_LAMPS = 768, MOST_LAMPS = 1536 };
+enum { SUNS = 96, SKIES = 224, LEAST_LAMPS = 1536, MOST_LAMPS = 2048 };
 
 typedef struct Training {
     Baker *baker;
