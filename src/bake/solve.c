@@ -14,8 +14,8 @@
 
 enum { CLUSTERS = 96, BLOCK = CHIARO_COLUMN_BLOCK, MAX_SWEEPS = 40 };
 static const float TOLERANCE = 3e-4f;
-/* Mean square of bounce light against that of its source, below which a training light is left out. */
-static const double LEAST_BOUNCE = 1e-9;
+/* Mean square of a training light on the surfaces against that of its source, below which it is left out. */
+static const double LEAST_LIGHT = 1e-9;
 
 /* In place: a = its own inverse, by Gauss-Jordan with partial pivoting. False: singular. */
 static bool invert(double *a, uint32_t n)
@@ -227,9 +227,10 @@ static void solve_blocks(uint32_t begin, uint32_t end, uint32_t thread, void *us
         solve_block(user, block);
 }
 
-/* Every training light is scaled so that its bounce light has mean square 1: a bright lamp teaches no more than a dim one.
- * A light that nothing reflects (a sky from below the ground) teaches nothing and becomes zero. The uniform columns stay
- * as they are: they are measures of energy. */
+/* Every training light is scaled so that its light on the surfaces has mean square 1: a bright lamp teaches no more than a
+ * dim one, and a lamp against a wall, nearly all of whose light is one spot, no more than one in the open. A light that
+ * reaches no surface (a sky from below the ground) teaches nothing and becomes zero. The uniform columns stay as they are:
+ * they are measures of energy. */
 static bool normalize(Baker *baker, float *irradiance)
 {
     uint32_t columns = baker->columns;
@@ -238,14 +239,13 @@ static bool normalize(Baker *baker, float *irradiance)
         return false;
     for (uint32_t l = 0; l < baker->leaf_count; l++) {
         for (uint32_t t = 0; t < columns; t++) {
-            double x = baker->direct[(size_t)l * columns + t];
+            double x = baker->direct[(size_t)l * columns + t], b = baker->total[(size_t)l * columns + t];
             source[t] += baker->leaf_weights[l] * x * x;
-            double i = l < baker->sample_count ? irradiance[(size_t)l * columns + t] : 0;
-            square[t] += baker->leaf_weights[l] * i * i;
+            square[t] += l < baker->sample_count ? baker->leaf_weights[l] * b * b : 0;
         }
     }
     for (uint32_t t = 0; t < baker->uniform_column; t++) {
-        double scale = square[t] > LEAST_BOUNCE * source[t] ? sqrt(baker->patches.area / square[t]) : 0;
+        double scale = square[t] > LEAST_LIGHT * source[t] ? sqrt(baker->patches.area / square[t]) : 0;
         for (uint32_t l = 0; l < baker->leaf_count; l++) {
             size_t at = (size_t)l * columns + t;
             baker->direct[at] = (float)(baker->direct[at] * scale);

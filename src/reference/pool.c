@@ -14,6 +14,8 @@
 /* Cells of the map double in size from level to level. */
 #define LEVELS 9u
 #define FINEST_OF_DIAGONAL (1 / 512.0f)
+/* Points that a thread fills at a time. */
+#define POINT_RUN 16u
 /* Points that a cell must hold to be asked. */
 #define ENOUGH_POINTS 6u
 
@@ -147,6 +149,19 @@ static void fill_points(uint32_t begin, uint32_t end, uint32_t thread, void *use
     atomic_fetch_add(&filling->rays, rays);
 }
 
+/* One half of the points. `done` of the whole runs from 0 to 0.5, or on to 1. */
+static bool tell_half(float done, void *user)
+{
+    const Filling *filling = user;
+    return filling->desc->progress((filling->first ? 0.5f : 0) + 0.5f * done, filling->desc->progress_user);
+}
+
+static bool fill(Filling *filling)
+{
+    const PoolDesc *desc = filling->desc;
+    return chiaro_parallel_for(desc->threads, desc->points, POINT_RUN, fill_points, filling, tell_half, filling);
+}
+
 /* Shares of the triangles, and the part of each. False if none is wanted. */
 static bool share_triangles(const ChiaroScene *scene, const uint32_t *wanted, double *sums, uint32_t *parts,
                             float *densities)
@@ -179,11 +194,9 @@ bool pool_create(const World *world, const PoolDesc *desc, Pool *pool, uint64_t 
         Filling filling = {.world = world, .desc = desc, .pool = pool, .points = pool->points, .sums = sums,
                            .parts = parts, .triangle_count = triangles};
         /* First the points of the map, in the memory of the others. */
-        chiaro_parallel_for(desc->threads, desc->points, 64, fill_points, &filling, NULL, NULL);
-        good = make_map(world, pool->points, desc->points, pool);
+        good = fill(&filling) && make_map(world, pool->points, desc->points, pool);
         filling.first = desc->points;
-        if (good)
-            chiaro_parallel_for(desc->threads, desc->points, 64, fill_points, &filling, NULL, NULL);
+        good = good && fill(&filling);
         pool->count = desc->points;
         *rays += atomic_load(&filling.rays);
     }

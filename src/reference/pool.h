@@ -30,10 +30,12 @@ typedef struct PoolDesc {
     uint32_t depth;         /* of those paths */
     uint32_t threads;
     uint64_t seed;
+    bool (*progress)(float done, void *user); /* false stops */
+    void *progress_user;
 } PoolDesc;
 
-/* Any run of points that starts at a multiple of its power-of-two length is well spread. False if memory is short or
- * nothing is wanted; then the pool is empty. `rays` counts on. */
+/* Any run of points that starts at a multiple of its power-of-two length is well spread. False if memory is short,
+ * nothing is wanted, or `progress` said so; then the pool is empty. `rays` counts on. */
 bool pool_create(const World *world, const PoolDesc *desc, Pool *pool, uint64_t *rays);
 void pool_destroy(Pool *pool);
 
