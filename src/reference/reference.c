@@ -256,7 +256,7 @@ static void make_pools(Picture *picture)
         PoolDesc pool = {.wanted = wanted, .points = points, .samples = POOL_SAMPLES,
                          .depth = desc->depth ? desc->depth - 1 : 0, .threads = desc->threads,
                          .progress = tell_stage, .progress_user = picture};
-        for (uint32_t i = 0; i < 2; i++) {
+        for (uint32_t i = 0; i < 2 && !picture->stopped; i++) {
             picture->stage_span = POOL_PROGRESS / 2;
             picture->stage_start = (float)i * picture->stage_span;
             pool.seed = chiaro_random_mix(desc->seed ^ (uint64_t)(i + 1) << 40);
