@@ -55,6 +55,5 @@ void main()
         radiance += emission;
     if (tone_map)
         radiance = chiaro_tone(radiance, push.eye.w);
-    /* One-sided surfaces are black from behind; two-sided ones are culled here and drawn by their twin. */
-    color = vec4(gl_FrontFacing ? radiance : vec3(0), 1);
+    color = vec4(radiance, 1);
 }

@@ -8,7 +8,8 @@
  * Conventions (glTF's): right-handed, +Y up, metres, counter-clockwise fronts, column-major matrices. Light intensity is
  * W/sr (point, spot) or W/m^2 (sun) per channel; emission and sky are radiance, W/(sr m^2). "Radiosity" is exitance,
  * W/m^2: pi times the radiance of a diffuse surface. Surfaces have one side; a two-sided surface is two parts that name
- * each other as twins. What is seen from behind and has no twin is black and opaque.
+ * each other as twins. From behind, a surface without a twin is not drawn (glTF's back-face culling), and for light it is
+ * black and opaque.
  *
  * Threads: there is no shared mutable state. Functions that take const data may run concurrently.
  */
@@ -181,6 +182,14 @@ typedef struct ChiaroSky {
     uint32_t width, height;
     const float *radiance; /**< width * height * 3, finite and not negative. */
 } ChiaroSky;
+
+/** Which light a picture shows (at surfaces; `full` alone shows emission and sky seen directly). */
+typedef enum ChiaroComponent {
+    CHIARO_COMPONENT_FULL,     /**< Everything. */
+    CHIARO_COMPONENT_PUNCTUAL, /**< Reflected light that came straight from punctual lights. */
+    CHIARO_COMPONENT_INDIRECT, /**< All other reflected light: emitters, sky, every bounce. */
+    CHIARO_COMPONENT_COUNT
+} ChiaroComponent;
 
 /** Checks every index, range and number of a scene.
  * @param scene the scene; counts and arrays are read.

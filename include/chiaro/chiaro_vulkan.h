@@ -74,13 +74,6 @@ typedef struct ChiaroVulkanDesc {
     ChiaroLog log;
 } ChiaroVulkanDesc;
 
-/** Which light a picture shows. */
-typedef enum ChiaroComponent {
-    CHIARO_COMPONENT_FULL,     /**< Everything, the sky behind it too. */
-    CHIARO_COMPONENT_PUNCTUAL, /**< Reflected light that came straight from lights. */
-    CHIARO_COMPONENT_INDIRECT  /**< All other reflected light. */
-} ChiaroComponent;
-
 /** All zero: bounce light on, everything shown, linear radiance. */
 typedef struct ChiaroVulkanSettings {
     uint32_t struct_size; /**< sizeof(ChiaroVulkanSettings). */

@@ -61,6 +61,8 @@ static void resolve_from_scene(Baker *baker)
     baker->info.receiver_links = d->links;
     baker->info.sample_links = SAMPLE_LINKS_A_LINK * d->links > CHIARO_MAX_LINKS ? CHIARO_MAX_LINKS : SAMPLE_LINKS_A_LINK * d->links;
     baker->info.seed = d->seed;
+    baker->info.clamped_materials = d->clamped_materials;
+    baker->info.degenerate_triangles = baker->patches.degenerate;
 }
 
 static void measure_bounds(Baker *baker)

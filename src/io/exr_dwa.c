@@ -5,15 +5,6 @@
 #include <ImfCRgbaFile.h>
 #include <stdlib.h>
 
-/* Weak: a program that is linked without libOpenEXR reads everything else and says what it lacks. */
-#pragma weak ImfOpenInputFile
-#pragma weak ImfCloseInputFile
-#pragma weak ImfInputHeader
-#pragma weak ImfHeaderDataWindow
-#pragma weak ImfInputSetFrameBuffer
-#pragma weak ImfInputReadPixels
-#pragma weak ImfHalfToFloat
-
 static void widen(const ImfRgba *from, ChiaroIoImage *image)
 {
     size_t count = (size_t)image->width * image->height;
@@ -28,8 +19,6 @@ const char *chiaro_io_read_exr_dwa(const char *path, int left, int top, ChiaroIo
 {
     const char *fault = NULL;
     int window[4] = {0};
-    if (!ImfOpenInputFile)
-        return "uses DWA compression, which needs libOpenEXR; this program was linked without it";
     ImfRgba *pixels = calloc((size_t)image->width * image->height, sizeof *pixels);
     if (!pixels)
         return "out of memory";

@@ -22,13 +22,6 @@ ChiaroResult chiaro_reference_create(const ChiaroScene *scene, const ChiaroLight
                                      const ChiaroSky *sky, const ChiaroLog *log, ChiaroReference **reference);
 void chiaro_reference_destroy(ChiaroReference *reference);
 
-typedef enum ChiaroComponent {
-    CHIARO_COMPONENT_FULL,     /* everything, with what emits and the sky seen directly */
-    CHIARO_COMPONENT_PUNCTUAL, /* reflected light that came straight from lamps */
-    CHIARO_COMPONENT_INDIRECT, /* all other reflected light: emitters, sky, every bounce */
-    CHIARO_COMPONENT_COUNT
-} ChiaroComponent;
-
 #define CHIARO_REFERENCE_MAX_SPP (1u << 24)
 #define CHIARO_REFERENCE_MAX_SIZE 16384u
 

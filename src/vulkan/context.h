@@ -108,7 +108,7 @@ void *chiaro_upload_image(ChiaroVulkan *context, Upload *upload, VkImage image, 
 /* ---- pipelines.c -------------------------------------------------------------------------------------------------- */
 
 /* Bits of a kind of surface: which forward pipeline draws it. */
-enum { SURFACE_TEXTURED = 1, SURFACE_MASKED = 2, SURFACE_TWINNED = 4, SURFACE_KINDS = 8 };
+enum { SURFACE_TEXTURED = 1, SURFACE_MASKED = 2, SURFACE_KINDS = 4 };
 /* Bits of what lights it. */
 enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_KINDS = 4 };
 enum { GI_SAMPLES_LIT, GI_SAMPLES_DARK, GI_TREE, GI_GATHER_SAMPLES, GI_GATHER_RECEIVERS, GI_PASSES };

@@ -374,7 +374,7 @@ static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lig
                          .pass = context->desc.render_pass,
                          .subpass = context->desc.subpass,
                          .samples = context->desc.samples,
-                         .cull = surface & SURFACE_TWINNED ? VK_CULL_MODE_BACK_BIT : VK_CULL_MODE_NONE,
+                         .cull = VK_CULL_MODE_BACK_BIT,
                          .compare = context->desc.reversed_z ? VK_COMPARE_OP_GREATER : VK_COMPARE_OP_LESS,
                          .depth_write = true,
                          .color = true};

@@ -44,8 +44,7 @@ static void describe_part(const ChiaroTransport *transport, uint32_t index, Draw
                        .high = {-INFINITY, -INFINITY, -INFINITY},
                        .material = scene->materials[coarse->material]};
     bool masked = part->material.alpha_cutoff > 0;
-    part->surface = (is_textured(&part->material) ? SURFACE_TEXTURED : 0u) | (masked ? SURFACE_MASKED : 0u) |
-                    (coarse->twin != CHIARO_NONE ? SURFACE_TWINNED : 0u);
+    part->surface = (is_textured(&part->material) ? SURFACE_TEXTURED : 0u) | (masked ? SURFACE_MASKED : 0u);
     part->shadow = !masked                                           ? SHADOW_OPAQUE
                    : part->material.albedo_texture != CHIARO_NONE ? SHADOW_MASKED_TEXTURED
                                                                      : SHADOW_MASKED;
