@@ -52,7 +52,7 @@ LIBRARY := $(B)/libchiaro.a
 SHARED := $(B)/libchiaro.so.$(VERSION)
 BAKE_LIBRARY := $(B)/libchiaro_bake.a
 
-.PHONY: all help deps test bench demo report golden-update install clean shaders
+.PHONY: all help deps test bench demo install clean shaders
 all: $(LIBRARY) $(SHARED) $(BAKE_LIBRARY) $(PROGRAMS)
 
 help: ## this list
@@ -125,6 +125,13 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_COMMON) $(COMMON_SAMPLES) $(REFERENCE) $
 # ---- jobs ------------------------------------------------------------------------------------------------------------
 test: all $(TESTS) ## build and run every test
 	@tests/run.sh $(B)
+
+demo: all ## the main job [SCENE=file.glb] [OPTIONS='--light ...']: bake, render, trace, compare; pictures in build/demo
+	@samples/demo.sh $(B) "$(SCENE)" $(OPTIONS)
+
+bench: all ## error and cost for K = 8 .. 64 beside three baselines
+	@VK_DRIVER_FILES=$${VK_DRIVER_FILES:-$$(ls /usr/share/vulkan/icd.d/lvp_icd*.json | head -n 1)} \
+	 XDG_CACHE_HOME=$(B)/bench $(B)/bin/chiaro-bench $(B)/bench
 
 endif
 

@@ -1,0 +1,56 @@
+/* A picture on the CPU, by one ray a pixel. */
+#include "picture.h"
+
+#include "../../src/offline/rays.h"
+
+#include <stdlib.h>
+
+static void shade(const ChiaroScene *scene, const ChiaroTransport *transport, const ChiaroHit *hit,
+                  const float *irradiance, float pixel[4])
+{
+    float albedo[3], emission[3], weight[3] = {1 - hit->u - hit->v, hit->u, hit->v};
+    chiaro_surface(scene, hit->part, hit->triangle, hit->u, hit->v, albedo, emission);
+    for (uint32_t c = 0; c < 3; c++) {
+        float sum = 0;
+        for (uint32_t k = 0; k < 3; k++) {
+            uint32_t receiver = transport->vertex_receivers[scene->indices[3 * hit->triangle + k]];
+            sum += weight[k] * irradiance[3 * (size_t)receiver + c];
+        }
+        pixel[c] = albedo[c] / CHIARO_PI * sum;
+    }
+    pixel[3] = 1;
+}
+
+bool picture_draw(const ChiaroTransport *transport, const ChiaroCamera *camera, uint32_t width, uint32_t height,
+                  const float *irradiance, ChiaroIoImage *picture)
+{
+    ChiaroScene drawn = transport->scene;
+    ChiaroRays *rays;
+    drawn.vertices = transport->vertices, drawn.vertex_count = transport->vertex_count;
+    drawn.indices = transport->indices, drawn.index_count = transport->index_count;
+    drawn.parts = transport->parts;
+    *picture = (ChiaroIoImage){width, height, 4, calloc((size_t)width * height * 4, sizeof(float))};
+    if (!picture->pixels || chiaro_rays_create(&drawn, NULL, &rays) != CHIARO_OK) {
+        free(picture->pixels);
+        return false;
+    }
+    Vec3 forward = vec3_load(camera->forward), up = vec3_load(camera->up), right = vec3_cross(forward, up);
+    float half = tanf(camera->yfov / 2), aspect = (float)width / (float)height;
+    for (uint32_t y = 0; y < height; y++) {
+        for (uint32_t x = 0; x < width; x++) {
+            float s = (2 * ((float)x + 0.5f) / (float)width - 1) * half * aspect;
+            float t = (1 - 2 * ((float)y + 0.5f) / (float)height) * half;
+            Vec3 direction = vec3_normalize(vec3_mad(vec3_mad(forward, right, s), up, t));
+            ChiaroHit hit;
+            float from = 0;
+            bool seen;
+            /* Surfaces seen from behind are not drawn. */
+            while ((seen = chiaro_rays_hit(rays, vec3_load(camera->eye), direction, from, INFINITY, &hit)) && !hit.front)
+                from = hit.distance + chiaro_rays_epsilon(rays);
+            if (seen)
+                shade(&drawn, transport, &hit, irradiance, picture->pixels + 4 * ((size_t)y * width + x));
+        }
+    }
+    chiaro_rays_destroy(rays);
+    return true;
+}
