@@ -30,7 +30,7 @@ typedef struct ChiaroBakeDesc {
     uint32_t receivers;   /**< About how many receivers; default: from the scene. */
     uint32_t threads;     /**< Default: one a core. The result does not depend on it. */
     uint32_t seed;        /**< Of every random choice. */
-    uint32_t clamped_materials; /**< What the importer says of albedo above CHIARO_MAX_ALBEDO; recorded only. */
+    uint32_t clamped_materials; /**< That the importer clamped already; added to those found here. */
     ChiaroProgressFunc progress;
     void *progress_user;
     ChiaroLog log;

@@ -39,6 +39,7 @@ static ChiaroResult resolve(Baker *baker, const ChiaroBakeDesc *desc)
     d->links = d->links ? d->links : DEFAULT_LINKS;
     d->threads = d->threads ? d->threads : chiaro_core_count();
     bool sane = d->links <= CHIARO_MAX_LINKS && d->rays <= CHIARO_MAX_RAYS && d->threads <= 1024 &&
+                (d->rays == 0 || d->rays >= 16) &&
                 (d->samples == 0 || (d->samples >= CHIARO_MIN_SAMPLES && d->samples <= CHIARO_MAX_SAMPLES)) &&
                 d->receivers <= 1u << 24;
     if (!sane)
@@ -62,6 +63,8 @@ static void resolve_from_scene(Baker *baker)
     baker->info.sample_links = SAMPLE_LINKS_A_LINK * d->links > CHIARO_MAX_LINKS ? CHIARO_MAX_LINKS : SAMPLE_LINKS_A_LINK * d->links;
     baker->info.seed = d->seed;
     baker->info.clamped_materials = d->clamped_materials;
+    for (uint32_t m = 0; m < baker->scene->material_count; m++)
+        baker->info.clamped_materials += vec3_max(vec3_load(baker->scene->materials[m].albedo)) > CHIARO_MAX_ALBEDO;
     baker->info.degenerate_triangles = baker->patches.degenerate;
 }
 

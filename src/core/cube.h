@@ -35,6 +35,7 @@ static inline uint32_t chiaro_cube_texel(Vec3 d, uint32_t edge)
     else
         face = d.z > 0 ? 4 : 5, m = az, x = d.z > 0 ? d.x : -d.x, y = -d.y;
     float last = (float)(edge - 1);
+    /* The zero vector divides to NaN, which fmaxf turns into 0. */
     uint32_t i = (uint32_t)fminf(last, fmaxf(0, (x / m + 1) / 2 * (float)edge));
     uint32_t j = (uint32_t)fminf(last, fmaxf(0, (y / m + 1) / 2 * (float)edge));
     return (face * edge + j) * edge + i;

@@ -7,7 +7,7 @@
 #include <string.h>
 
 /* The sky is read at this many rows at least, so that a small image fills every texel. */
-enum { LEAST_ROWS = 256 };
+enum { LEAST_ROWS = 512 };
 
 void chiaro_sky_light(const ChiaroTransport *transport, const ChiaroSky *sky, float *radiosity)
 {

@@ -4,6 +4,7 @@
 #include "transport.h"
 
 #include "chiaro_shared.h"
+#include "cube.h"
 #include "log.h"
 
 #include <math.h>
@@ -127,8 +128,26 @@ static bool nodes_sound(const ChiaroTransport *t, const ChiaroLog *log)
         uint32_t below = leaf ? t->leaf_count : n < t->small_node_end ? t->leaf_count : t->small_node_end;
         if ((uint64_t)node->first + node->count > t->leaf_count || node->count == 0 || node->source_count == 0 ||
             (uint64_t)node->source_first + node->source_count > below || node->left >= t->node_count ||
-            node->right >= t->node_count || !(node->area >= 0))
+            node->right >= t->node_count || !(node->area >= 0) || !isfinite(node->area))
             return fault(log, "node %u points outside the tree", n);
+    }
+    return true;
+}
+
+/* Either no sky, or each texel of its cube once. */
+static bool sky_sound(const ChiaroTransport *t, const ChiaroLog *log)
+{
+    bool seen[CHIARO_SKY_TEXELS] = {false};
+    if (t->sky_count != 0 && t->sky_count != CHIARO_SKY_TEXELS)
+        return fault(log, "a sky of %u leaves is not known", t->sky_count);
+    for (uint32_t s = 0; s < t->sky_count; s++) {
+        const float *direction = t->sky_directions + 4 * (size_t)s;
+        if (!all_finite(direction, 4))
+            return fault(log, "sky leaf %u has numbers that are not finite", s);
+        uint32_t texel = chiaro_cube_texel(vec3_load(direction), CHIARO_SKY_EDGE);
+        if (seen[texel])
+            return fault(log, "two sky leaves share a texel");
+        seen[texel] = true;
     }
     return true;
 }
@@ -146,7 +165,7 @@ static bool samples_sound(const ChiaroTransport *t, const ChiaroLog *log)
         }
     }
     return (all_finite((const float *)t->points, (size_t)t->point_count * 8) &&
-            all_finite(t->leaf_weights, t->leaf_count) && all_finite(t->sky_directions, 4 * (size_t)t->sky_count)) ||
+            all_finite(t->leaf_weights, t->leaf_count)) ||
            fault(log, "points or leaves hold numbers that are not finite");
 }
 
@@ -231,7 +250,7 @@ ChiaroResult chiaro_transport_open(const void *data, size_t size, ChiaroTranspor
         fault(log, "the sizes of its parts do not add up");
         return CHIARO_ERROR_DATA;
     }
-    if (!nodes_sound(&t, log) || !samples_sound(&t, log) || !links_sound(&t, log) || !mesh_sound(&t, log) ||
+    if (!nodes_sound(&t, log) || !sky_sound(&t, log) || !samples_sound(&t, log) || !links_sound(&t, log) || !mesh_sound(&t, log) ||
         chiaro_scene_check(&t.scene, log) != CHIARO_OK)
         return CHIARO_ERROR_DATA;
     *transport = t;
