@@ -2,6 +2,7 @@
  *
  * 1. Cut. From the root down, always the node is opened whose inside matters most to this row: where the form factors and
  *    the light inside it vary together over the training lights, so that the mean of its light is not enough.
+ *    It is made finer than K and then thinned out: see prune.c.
  * 2. Weights. Least squares over the training lights, pulled toward the form factors (a weight may move about as far as it
  *    is large), never negative, so that no light can make darkness.
  * 3. Energy. The weights are scaled to the row's sum, surfaces and sky apart: a uniform field comes out right.
@@ -9,14 +10,17 @@
 #include "fit.h"
 
 #include "kernels.h"
+#include "prune.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_COLUMNS = 768, DESCENT_SWEEPS = 100 };
+enum { MOST_COLUMNS = 768, DESCENT_SWEEPS = 100, FINER_RECEIVERS = 3, FINER_SAMPLES = 1 };
 
 /* Expected error of the fit, as a part of the row's light: the smaller, the further weights may leave the form factors. */
 static const float FIT_NOISE = 0.01f;
+/* Products of light are this exact, being sums of floats. */
+static const double ROUNDING = 1e-6;
 /* Weights are this free: as a part of themselves plus a part of the mean weight. */
 static const float FREEDOM_OF_MEAN = 0.5f;
 /* A training light counts by its brightness to this power, minus one: 1 would heed bright ones only, 0 all alike. */
@@ -48,9 +52,12 @@ struct Fitter {
     float column_scale[MOST_COLUMNS + 3 * CHIARO_LANES];
     uint32_t begin[4]; /* columns of each channel; multiples of CHIARO_LANES */
     uint32_t width;
-    Open open[CHIARO_MAX_LINKS + 1];
+    uint32_t fine; /* nodes of the first cut */
+    Open *open;
+    float (*prior)[3]; /* form factors of the nodes, by channel */
+    Prune prune;
     float *light_arena, *target, *scratch;
-    double *system, *slope;
+    double *system, *right, *slope; /* normal equations; right sides of three channels */
     uint32_t *order;
     float *level;
     /* the row at hand */
@@ -103,17 +110,25 @@ Fitter *chiaro_fitter_create(const FitTask *task)
     Fitter *fitter = calloc(1, sizeof *fitter);
     if (!fitter)
         return NULL;
-    size_t most = MOST_COLUMNS + 3 * CHIARO_LANES, k = task->links + 1;
+    size_t most = MOST_COLUMNS + 3 * CHIARO_LANES;
+    bool receivers = task->channels == 1 && task->truth != task->feature;
     fitter->task = *task;
+    fitter->fine = task->links * (receivers ? FINER_RECEIVERS : FINER_SAMPLES);
+    size_t k = fitter->fine + (size_t)1;
+    fitter->open = malloc(k * sizeof *fitter->open);
+    fitter->prior = malloc(k * sizeof *fitter->prior);
     fitter->light_arena = malloc((k + 1) * most * sizeof *fitter->light_arena);
     fitter->target = malloc(most * sizeof *fitter->target);
     fitter->scratch = malloc(most * sizeof *fitter->scratch);
     fitter->system = malloc(k * k * sizeof *fitter->system);
+    fitter->right = malloc(3 * k * sizeof *fitter->right);
     fitter->slope = malloc(k * sizeof *fitter->slope);
-    fitter->order = malloc(task->baker->columns * sizeof *fitter->order);
+    fitter->order = malloc((task->baker->columns + k) * sizeof *fitter->order);
     fitter->level = malloc(task->baker->columns * sizeof *fitter->level);
     if (!table_create(&fitter->truth, task->truth, task->baker->node_count) ||
-        !table_create(&fitter->feature, task->feature, task->baker->node_count) || !fitter->light_arena ||
+        !table_create(&fitter->feature, task->feature, task->baker->node_count) ||
+        !chiaro_prune_create(&fitter->prune, task->baker, fitter->fine, task->channels) || !fitter->open ||
+        !fitter->prior || !fitter->right || !fitter->light_arena ||
         !fitter->target || !fitter->scratch || !fitter->system || !fitter->slope || !fitter->order || !fitter->level) {
         chiaro_fitter_destroy(fitter);
         return NULL;
@@ -135,7 +150,11 @@ void chiaro_fitter_destroy(Fitter *fitter)
     free(fitter->target);
     free(fitter->scratch);
     free(fitter->system);
+    free(fitter->right);
     free(fitter->slope);
+    free(fitter->open);
+    free(fitter->prior);
+    chiaro_prune_destroy(&fitter->prune);
     free(fitter->order);
     free(fitter->level);
     free(fitter);
@@ -297,7 +316,7 @@ static uint32_t cut(Fitter *fitter)
     const Baker *baker = fitter->task.baker;
     const float none[3] = {0, 0, 0};
     uint32_t count = 0;
-    for (uint32_t k = 0; k <= fitter->task.links; k++)
+    for (uint32_t k = 0; k <= fitter->fine; k++)
         fitter->open[k].light = fitter->light_arena + (size_t)k * (MOST_COLUMNS + 3 * CHIARO_LANES);
     if (!open_node(fitter, &fitter->open[count++], baker->root, none))
         return 0;
@@ -308,8 +327,8 @@ static uint32_t cut(Fitter *fitter)
                 worst = k;
         }
         /* Sky and surfaces keep their own energy, so the root is always opened. */
-        bool halves = fitter->open[worst].node == baker->root && baker->sky_count && fitter->task.links > 1;
-        if (count >= fitter->task.links || (!(fitter->open[worst].cost > 0) && !halves))
+        bool halves = fitter->open[worst].node == baker->root && baker->sky_count && fitter->fine > 1;
+        if (count >= fitter->fine || (!(fitter->open[worst].cost > 0) && !halves))
             return count;
         Open parent = fitter->open[worst];
         const ChiaroNode *node = &baker->nodes[parent.node];
@@ -360,54 +379,112 @@ static void descend(const Fitter *fitter, uint32_t n, const double *b, double *x
     }
 }
 
-/* Weights of one channel: ridge regression about the form factors, held at zero or above. */
-static bool fit_channel(Fitter *fitter, uint32_t channel, uint32_t n, const float *prior, float *weights)
+/* Normal equations A x = b of one channel: ridge regression about the form factors. */
+static bool normal_equations(Fitter *fitter, uint32_t channel, const uint32_t *nodes, uint32_t n, double *b)
 {
     uint32_t begin = fitter->begin[channel], count = fitter->begin[channel + 1] - begin;
-    double b[CHIARO_MAX_LINKS], x[CHIARO_MAX_LINKS], mean = 0;
+    double mean = 0;
     for (uint32_t i = 0; i < n; i++) {
-        if (!table_row(fitter, &fitter->feature, fitter->open[i].node))
+        if (!table_row(fitter, &fitter->feature, nodes[i]))
             return false;
-        mean += prior[i];
+        mean += fitter->prior[i][channel];
     }
     mean /= n;
     double energy = chiaro_dot(fitter->target + begin, fitter->target + begin, count);
     double noise = (double)FIT_NOISE * FIT_NOISE * energy;
     for (uint32_t i = 0; i < n; i++) {
-        const float *row = table_row(fitter, &fitter->feature, fitter->open[i].node) + begin;
+        const float *row = table_row(fitter, &fitter->feature, nodes[i]) + begin;
         for (uint32_t j = 0; j <= i; j++) {
-            const float *other = table_row(fitter, &fitter->feature, fitter->open[j].node) + begin;
+            const float *other = table_row(fitter, &fitter->feature, nodes[j]) + begin;
             fitter->system[(size_t)i * n + j] = fitter->system[(size_t)j * n + i] = chiaro_dot(row, other, count);
         }
-        double freedom = prior[i] + FREEDOM_OF_MEAN * mean;
+        double prior = fitter->prior[i][channel], freedom = prior + FREEDOM_OF_MEAN * mean;
         double ridge = freedom > 0 ? noise / (freedom * freedom) : 1;
-        b[i] = chiaro_dot(row, fitter->target + begin, count) + ridge * prior[i];
+        b[i] = chiaro_dot(row, fitter->target + begin, count) + ridge * prior;
+        fitter->system[(size_t)i * n + i] *= 1 + ROUNDING;
         fitter->system[(size_t)i * n + i] += ridge + 1e-30;
-        x[i] = prior[i];
     }
-    descend(fitter, n, b, x);
-    for (uint32_t i = 0; i < n; i++)
-        weights[i] = (float)x[i];
+    return true;
+}
+
+/* Prior of nodes that are unions of some of the fine cut's: form factors add up. */
+static void gather_prior(const Fitter *fitter, uint32_t fine, const uint32_t *nodes, uint32_t count, float (*prior)[3])
+{
+    const ChiaroNode *all = fitter->task.baker->nodes;
+    memset(prior, 0, count * sizeof *prior);
+    for (uint32_t k = 0; k < count; k++) {
+        for (uint32_t i = 0; i < fine; i++) {
+            const Open *open = &fitter->open[i];
+            if (all[open->node].first - all[nodes[k]].first >= all[nodes[k]].count)
+                continue;
+            for (int c = 0; c < 3; c++)
+                prior[k][c] += open->own[c] + open->above[c];
+        }
+    }
+}
+
+/* Leaves K of the n nodes of the fine cut, those that serve the fit best. */
+static bool thin_out(Fitter *fitter, uint32_t n)
+{
+    Prune *prune = &fitter->prune;
+    uint32_t channels = fitter->task.channels, kept = 0;
+    for (uint32_t c = 0; c < channels; c++) {
+        double *b = fitter->right + (size_t)c * fitter->fine, *x = prune->weights[c];
+        if (!normal_equations(fitter, c, prune->nodes, n, b))
+            return false;
+        for (uint32_t i = 0; i < n; i++) {
+            x[i] = fitter->prior[i][c];
+            memcpy(prune->inverse[c] + (size_t)i * fitter->fine, fitter->system + (size_t)i * n, n * sizeof(double));
+        }
+        descend(fitter, n, b, x);
+    }
+    /* What is zero already in the best fit goes at once; the rest moves together. */
+    for (uint32_t i = 0; i < n; i++) {
+        bool keep = false;
+        for (uint32_t c = 0; c < channels; c++)
+            keep = keep || prune->weights[c][i] > 0;
+        if (keep || kept + n - i <= fitter->task.links)
+            fitter->order[kept++] = i;
+    }
+    for (uint32_t c = 0; c < channels; c++) {
+        double *p = prune->inverse[c], *b = fitter->right + (size_t)c * fitter->fine, *x = prune->weights[c];
+        for (uint32_t i = 0; i < kept; i++) {
+            for (uint32_t j = 0; j < kept; j++)
+                p[(size_t)i * fitter->fine + j] = p[(size_t)fitter->order[i] * fitter->fine + fitter->order[j]];
+            b[i] = b[fitter->order[i]];
+        }
+        chiaro_prune_invert(p, kept, fitter->fine);
+        for (uint32_t i = 0; i < kept; i++) {
+            x[i] = 0;
+            for (uint32_t j = 0; j < kept; j++)
+                x[i] += p[(size_t)i * fitter->fine + j] * b[j];
+        }
+    }
+    for (uint32_t i = 0; i < kept; i++)
+        prune->nodes[i] = prune->nodes[fitter->order[i]];
+    prune->count = kept;
+    chiaro_prune(prune, fitter->task.links);
+    gather_prior(fitter, n, prune->nodes, prune->count, fitter->prior);
     return true;
 }
 
 /* Scales the weights so that surfaces and sky each add up to what the row receives from a uniform field. */
-static void keep_energy(const Fitter *fitter, const float energy[2], const float *prior, FitLinks *links, float *weights)
+static void keep_energy(const Fitter *fitter, const float energy[2], uint32_t channel, FitLinks *links)
 {
+    const Baker *baker = fitter->task.baker;
+    float *weights = links->weights[channel];
     for (int sky = 0; sky < 2; sky++) {
         double sum = 0, prior_sum = 0;
         for (uint32_t k = 0; k < links->count; k++) {
-            const ChiaroNode *node = &fitter->task.baker->nodes[links->nodes[k]];
-            if ((node->first >= fitter->task.baker->sample_count) == sky)
-                sum += weights[k], prior_sum += prior[k];
+            if ((baker->nodes[links->nodes[k]].first >= baker->sample_count) == sky)
+                sum += weights[k], prior_sum += fitter->prior[k][channel];
         }
         /* All weights fitted away: back to the form factors. */
         bool lost = !(sum > 0.5 * energy[sky]);
         double scale = lost ? (prior_sum > 0 ? energy[sky] / prior_sum : 0) : energy[sky] / sum;
         for (uint32_t k = 0; k < links->count; k++) {
-            const ChiaroNode *node = &fitter->task.baker->nodes[links->nodes[k]];
-            if ((node->first >= fitter->task.baker->sample_count) == sky)
-                weights[k] = (float)((lost ? prior[k] : weights[k]) * scale);
+            if ((baker->nodes[links->nodes[k]].first >= baker->sample_count) == sky)
+                weights[k] = (float)((lost ? fitter->prior[k][channel] : weights[k]) * scale);
         }
     }
 }
@@ -419,7 +496,6 @@ bool chiaro_fitter_fit(Fitter *fitter, const RowEntry *entries, uint32_t entry_c
     uint32_t n = cut(fitter);
     if (n == 0)
         return false;
-    links->count = n;
     if (target) {
         for (uint32_t k = 0; k < fitter->width; k++)
             fitter->target[k] = target[fitter->columns[k]] * fitter->column_scale[k];
@@ -428,15 +504,25 @@ bool chiaro_fitter_fit(Fitter *fitter, const RowEntry *entries, uint32_t entry_c
         for (uint32_t k = 0; k < n; k++)
             chiaro_axpy(fitter->target, 1, fitter->open[k].light, fitter->width);
     }
+    Prune *prune = &fitter->prune;
+    prune->count = n;
     for (uint32_t k = 0; k < n; k++)
-        links->nodes[k] = fitter->open[k].node;
+        prune->nodes[k] = fitter->open[k].node;
+    gather_prior(fitter, n, prune->nodes, n, fitter->prior);
+    if (n > fitter->task.links && !thin_out(fitter, n))
+        return false;
+    links->count = n = prune->count;
+    memcpy(links->nodes, prune->nodes, n * sizeof *links->nodes);
     for (uint32_t c = 0; c < fitter->task.channels; c++) {
-        float prior[CHIARO_MAX_LINKS];
-        for (uint32_t k = 0; k < n; k++)
-            prior[k] = fitter->open[k].own[c] + fitter->open[k].above[c];
-        if (!fit_channel(fitter, c, n, prior, links->weights[c]))
+        double *x = prune->weights[c];
+        if (!normal_equations(fitter, c, links->nodes, n, fitter->right))
             return false;
-        keep_energy(fitter, energy[c], prior, links, links->weights[c]);
+        for (uint32_t k = 0; k < n; k++)
+            x[k] = fitter->prior[k][c];
+        descend(fitter, n, fitter->right, x);
+        for (uint32_t k = 0; k < n; k++)
+            links->weights[c][k] = (float)x[k];
+        keep_energy(fitter, energy[c], c, links);
         uint32_t begin = fitter->begin[c], count = fitter->begin[c + 1] - begin;
         memcpy(fitter->scratch, fitter->target + begin, count * sizeof *fitter->scratch);
         error[1] += chiaro_dot(fitter->scratch, fitter->scratch, count);

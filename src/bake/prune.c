@@ -1,0 +1,206 @@
+/* Pruning: a cut that is finer than the links allow is thinned out, always by the step that costs the fit least.
+ *
+ * A step is an equation between weights: two children weigh as their areas do (they become their parent), or a weight is
+ * zero (the node goes). With the inverse P of the normal matrix, the least-squares weights w and an equation c w = 0, the
+ * error that the step adds is (c w)^2 / (c P c), all other weights refitted; P and w then change by one column. A weight
+ * that turns negative goes first, since no light can make darkness.
+ */
+#include "prune.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+bool chiaro_prune_create(Prune *prune, const Baker *baker, uint32_t capacity, uint32_t channels)
+{
+    *prune = (Prune){.baker = baker, .capacity = capacity, .channels = channels};
+    prune->parent = malloc(baker->node_count * sizeof *prune->parent);
+    prune->place = malloc(baker->node_count * sizeof *prune->place);
+    prune->nodes = malloc(capacity * sizeof *prune->nodes);
+    prune->column = malloc(capacity * sizeof *prune->column);
+    bool ok = prune->parent && prune->place && prune->nodes && prune->column;
+    for (uint32_t c = 0; c < channels; c++) {
+        prune->weights[c] = malloc(capacity * sizeof(double));
+        prune->inverse[c] = malloc((size_t)capacity * capacity * sizeof(double));
+        ok = ok && prune->weights[c] && prune->inverse[c];
+    }
+    for (uint32_t n = 0; ok && n < baker->node_count; n++)
+        prune->parent[n] = prune->place[n] = CHIARO_NONE;
+    for (uint32_t n = baker->leaf_count; ok && n < baker->node_count; n++) {
+        const ChiaroNode *node = &baker->nodes[n];
+        if (node->left != node->right)
+            prune->parent[node->left] = prune->parent[node->right] = n;
+    }
+    return ok;
+}
+
+void chiaro_prune_destroy(Prune *prune)
+{
+    free(prune->parent);
+    free(prune->place);
+    free(prune->nodes);
+    free(prune->column);
+    for (int c = 0; c < 3; c++) {
+        free(prune->weights[c]);
+        free(prune->inverse[c]);
+    }
+}
+
+/* y += s * x */
+static void add_scaled(double *restrict y, double s, const double *restrict x, uint32_t n)
+{
+    for (uint32_t i = 0; i < n; i++)
+        y[i] += s * x[i];
+}
+
+void chiaro_prune_invert(double *a, uint32_t n, uint32_t stride)
+{
+    for (uint32_t k = 0; k < n; k++) {
+        double *pivot = a + (size_t)k * stride;
+        double inverse = pivot[k] > 0 ? 1 / pivot[k] : 0;
+        pivot[k] = 1;
+        for (uint32_t i = 0; i < n; i++)
+            pivot[i] *= inverse;
+        for (uint32_t i = 0; i < n; i++) {
+            double *row = a + (size_t)i * stride, factor = row[k];
+            if (i == k)
+                continue;
+            row[k] = 0;
+            add_scaled(row, -factor, pivot, n);
+        }
+    }
+}
+
+/* The part that an equation's error adds to the fit; what has no freedom left costs nothing. */
+static double share(double off, double freedom)
+{
+    return freedom > 0 ? off * off / freedom : 0;
+}
+
+/* A step: node i and its sibling j become one, or, with j = CHIARO_NONE, node i goes. */
+typedef struct Step {
+    uint32_t i, j;
+    double share_i, share_j; /* of their parent's area: weight[i] / share_i = weight[j] / share_j */
+    double cost;
+} Step;
+
+static double step_cost(const Prune *prune, const Step *step)
+{
+    double cost = 0;
+    size_t n = prune->capacity, i = step->i, j = step->j;
+    for (uint32_t c = 0; c < prune->channels; c++) {
+        const double *p = prune->inverse[c], *w = prune->weights[c];
+        if (step->j == CHIARO_NONE) {
+            cost += share(w[i], p[i * n + i]);
+            continue;
+        }
+        double a = step->share_j, b = step->share_i, off = a * w[i] - b * w[j];
+        cost += share(off, a * a * p[i * n + i] - 2 * a * b * p[i * n + j] + b * b * p[j * n + j]);
+    }
+    return cost;
+}
+
+static bool is_negative(const Prune *prune, uint32_t i)
+{
+    for (uint32_t c = 0; c < prune->channels; c++) {
+        if (prune->weights[c][i] < 0)
+            return true;
+    }
+    return false;
+}
+
+/* The cheapest step; with `negative`, of those that take a negative weight away. */
+static Step choose(const Prune *prune, bool negative)
+{
+    const Baker *baker = prune->baker;
+    Step best = {.cost = INFINITY};
+    for (uint32_t i = 0; i < prune->count; i++) {
+        uint32_t parent = prune->parent[prune->nodes[i]];
+        bool taken = !negative || is_negative(prune, i);
+        if (taken) {
+            Step step = {.i = i, .j = CHIARO_NONE};
+            step.cost = step_cost(prune, &step);
+            best = step.cost < best.cost ? step : best;
+        }
+        if (parent == CHIARO_NONE || (parent == baker->root && baker->sky_count))
+            continue;
+        const ChiaroNode *up = &baker->nodes[parent];
+        if (prune->nodes[i] != up->left || prune->place[up->right] == CHIARO_NONE)
+            continue;
+        Step step = {.i = i, .j = prune->place[up->right]};
+        step.share_i = baker->nodes[up->left].area / up->area, step.share_j = 1 - step.share_i;
+        if (!taken && !is_negative(prune, step.j))
+            continue;
+        step.cost = step_cost(prune, &step);
+        best = step.cost < best.cost ? step : best;
+    }
+    return best;
+}
+
+/* The last node takes the place of node i. */
+static void remove_node(Prune *prune, uint32_t i)
+{
+    uint32_t last = --prune->count;
+    size_t n = prune->capacity;
+    prune->place[prune->nodes[i]] = CHIARO_NONE;
+    if (i == last)
+        return;
+    prune->nodes[i] = prune->nodes[last];
+    prune->place[prune->nodes[i]] = i;
+    for (uint32_t c = 0; c < prune->channels; c++) {
+        double *p = prune->inverse[c];
+        prune->weights[c][i] = prune->weights[c][last];
+        memcpy(p + i * n, p + last * n, (last + 1) * sizeof *p);
+        p[i * n + i] = p[last * n + last];
+        for (uint32_t k = 0; k < last; k++)
+            p[k * n + i] = p[i * n + k];
+    }
+}
+
+static void take(Prune *prune, const Step *step)
+{
+    size_t n = prune->capacity, i = step->i, j = step->j;
+    bool merge = step->j != CHIARO_NONE;
+    uint32_t count = prune->count;
+    for (uint32_t c = 0; c < prune->channels; c++) {
+        double *p = prune->inverse[c], *w = prune->weights[c], *column = prune->column;
+        double a = merge ? step->share_j : 1, b = step->share_i;
+        for (uint32_t k = 0; k < count; k++)
+            column[k] = a * p[i * n + k] - (merge ? b * p[j * n + k] : 0);
+        double freedom = a * column[i] - (merge ? b * column[j] : 0), scale = freedom > 0 ? 1 / freedom : 0;
+        double off = a * w[i] - (merge ? b * w[j] : 0);
+        add_scaled(w, -off * scale, column, count);
+        for (uint32_t k = 0; k < count; k++)
+            add_scaled(p + k * n, -column[k] * scale, column, count);
+        if (!merge)
+            continue;
+        /* Node i becomes the parent, in whose weight each child has its share. */
+        double grow = 1 / step->share_i;
+        w[i] *= grow;
+        for (uint32_t k = 0; k < count; k++)
+            p[i * n + k] *= grow;
+        for (uint32_t k = 0; k < count; k++)
+            p[k * n + i] *= grow;
+    }
+    if (merge) {
+        uint32_t parent = prune->parent[prune->nodes[i]];
+        prune->place[prune->nodes[i]] = CHIARO_NONE;
+        prune->nodes[i] = parent;
+        prune->place[parent] = step->i;
+    }
+    remove_node(prune, merge ? step->j : step->i);
+}
+
+void chiaro_prune(Prune *prune, uint32_t most)
+{
+    for (uint32_t i = 0; i < prune->count; i++)
+        prune->place[prune->nodes[i]] = i;
+    while (prune->count > most) {
+        bool negative = false;
+        for (uint32_t i = 0; i < prune->count && !negative; i++)
+            negative = is_negative(prune, i);
+        Step step = choose(prune, negative);
+        take(prune, &step);
+    }
+    for (uint32_t i = 0; i < prune->count; i++)
+        prune->place[prune->nodes[i]] = CHIARO_NONE;
+}
