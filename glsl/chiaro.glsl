@@ -36,16 +36,29 @@ float chiaro_light_window(ChiaroGpuLight light, vec3 toward, float d)
     return window;
 }
 
-/* Mean irradiance per unit intensity over the disc that a point moved back by s stands for; `surface` is the way from the
- * disc's centre to the light, d its length. See chiaro_point_form in src/core/samples.c. */
-float chiaro_point_form(vec3 normal, float s, vec3 surface, float d)
+/* Solid angle of the rectangle between the foot of the light and (x, y), from height h; signed as x * y. */
+float chiaro_corner_angle(float x, float y, float h)
 {
-    float h = dot(normal, surface);
-    if (h <= 0)
+    return atan(x * y, h * sqrt(x * x + y * y + h * h));
+}
+
+/* Mean irradiance per unit intensity over the square that a point moved back by s stands for; `toward` is the unit
+ * direction from the square's centre to the light, d the distance. Twin of chiaro_point_form in src/core/samples.c. */
+float chiaro_point_form(vec3 normal, float s, vec3 toward, float d)
+{
+    float cosine = dot(normal, toward);
+    if (cosine <= 0)
         return 0;
-    float q = sqrt(d * d + 2 * s * s);
-    float t = s * s / (sqrt(d * d + s * s) + d);
-    return 2 * (h + t) / (length(surface + normal * t) * q * (q + d));
+    if (d > CHIARO_FAR_LIGHT * s)
+        return cosine / (d * d) * (1 - CHIARO_FAR_MOMENT * (s / d) * (s / d) * (5 * cosine * cosine - 3));
+    float side = normal.z >= 0 ? 1 : -1, a = -1 / (side + normal.z), b = normal.x * normal.y * a;
+    vec3 tangent = vec3(1 + side * normal.x * normal.x * a, side * b, -side * normal.x);
+    vec3 bitangent = vec3(b, side + normal.y * normal.y * a, -normal.y);
+    float edge = s * CHIARO_HALF_EDGE, x = d * dot(tangent, toward), y = d * dot(bitangent, toward);
+    float h = d * cosine, left = -edge - x, right = edge - x, low = -edge - y, high = edge - y;
+    float angle = chiaro_corner_angle(right, high, h) - chiaro_corner_angle(left, high, h) -
+                  chiaro_corner_angle(right, low, h) + chiaro_corner_angle(left, low, h);
+    return max(0, angle) / (4 * edge * edge);
 }
 
 #ifdef CHIARO_LIGHT_SET
@@ -206,7 +219,7 @@ vec3 chiaro_point_irradiance(vec3 position, float cull, vec3 normal)
         } else {
             vec3 line = light.position.xyz - point;
             float d = length(line);
-            form = chiaro_point_form(normal, cull, line, d);
+            form = chiaro_point_form(normal, cull, line / d, d);
             if (form > 0)
                 form *= chiaro_light_window(light, line / d, d);
         }

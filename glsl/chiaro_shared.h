@@ -19,6 +19,12 @@
 /* Nodes are summed in two passes: those of at most this many leaves from their leaves, the larger ones from those. */
 #define CHIARO_SMALL_NODE 64u
 
+/* Half the edge of the square of area 2 pi s^2 that a sample point moved back by s stands for: sqrt(pi / 2). */
+#define CHIARO_HALF_EDGE 1.25331413731550025f
+/* Lights further away than this many s see the patch as a point with a first moment: pi / 4 for the square. */
+#define CHIARO_FAR_LIGHT 12.0f
+#define CHIARO_FAR_MOMENT 0.785398163397448310f
+
 /* Invocations of a compute work group: one block of link rows. */
 #define CHIARO_GROUP_SIZE 64
 

@@ -42,7 +42,7 @@ static void a_lamp_on_the_axis_gives_the_mean_over_the_patch_at_every_distance(v
             /* Solid angle of a square of half edge a from height h over its middle: 4 atan(a^2 / (h sqrt(2 a^2 + h^2))). */
             double square = pi / 2 * (double)s * (double)s, h = (double)s * pow(2, k);
             double truth = 4 * atan(square / (h * sqrt(2 * square + h * h))) / (4 * square);
-            assert_near("square", k, (double)chiaro_point_form(up, s, up, (float)h), truth, 4e-6 * truth);
+            assert_near("square", k, (double)chiaro_point_form(up, s, up, (float)h), truth, 1e-4 * truth); /* the far law takes over at 12 s */
         }
     }
 }

@@ -1,27 +1,34 @@
 /* Pre-determined surface samples, lit (article: "Pre-determined surface samples").
  *
  * A sample stands for a whole patch, so a light that comes close must not see a point. The article moves the point back
- * into the surface and culls what is inside. A fixed move is right at contact and too dark by 2 s / d further out (9 % at
- * 20 s), so the move shrinks with distance: s at contact, s^2 / (2 d) far away. With the disc of the same area as the
- * patch, radius sqrt(2) s, the mean irradiance on the axis is then exact at every distance.
+ * into the surface by a distance s and culls what is inside, which bounds the irradiance by 1 / s^2. Moving it is right at
+ * contact and too dark by 2 s / d further out (9 % at 20 s). The bound is kept, and the law between is the exact one: the
+ * flux through a square of the patch's area, 2 pi s^2, is the intensity times the solid angle under which the light sees
+ * it. So patches side by side take exactly what the light sends, however close it is.
  */
 #include "samples.h"
 
 #include "chiaro/chiaro.h"
+#include "chiaro_shared.h"
 #include "vec.h"
 
-/* Irradiance per unit intensity: cosine' * 2 / (q (q + d)), q^2 = d^2 + 2 s^2, which is the mean over the disc,
- * (1 - d / q) / s^2, written without the difference. Never above 1 / s^2. */
+/* Solid angle of the rectangle between the foot of the light and (x, y), from height h; signed as x * y. */
+static float corner_angle(float x, float y, float h) { return atan2f(x * y, h * sqrtf(x * x + y * y + h * h)); }
+
 float chiaro_point_form(Vec3 normal, float pull_back, Vec3 toward, float distance)
 {
-    float h = vec3_dot(normal, toward) * distance;
-    if (h <= 0)
+    float cosine = vec3_dot(normal, toward), s = pull_back, d = distance;
+    if (cosine <= 0)
         return 0;
-    float s = pull_back, q = sqrtf(distance * distance + 2 * s * s);
-    float t = s * s / (sqrtf(distance * distance + s * s) + distance);
-    Vec3 from_inside = vec3_mad(vec3_scale(toward, distance), normal, t);
-    float cosine = (h + t) / vec3_length(from_inside);
-    return 2 * cosine / (q * (q + distance));
+    if (d > CHIARO_FAR_LIGHT * s) /* The four corners would cancel; the first moment of the patch is exact enough. */
+        return cosine / (d * d) * (1 - CHIARO_FAR_MOMENT * (s / d) * (s / d) * (5 * cosine * cosine - 3));
+    Vec3 tangent, bitangent;
+    vec3_frame(normal, &tangent, &bitangent);
+    float half = s * CHIARO_HALF_EDGE, x = d * vec3_dot(tangent, toward), y = d * vec3_dot(bitangent, toward);
+    float h = d * cosine, left = -half - x, right = half - x, low = -half - y, high = half - y;
+    float angle = corner_angle(right, high, h) - corner_angle(left, high, h) - corner_angle(right, low, h) +
+                  corner_angle(left, low, h);
+    return fmaxf(0, angle) / (4 * half * half);
 }
 
 static Vec3 point_irradiance(const ChiaroPoint *point, const ChiaroLight *light, ChiaroVisibleFunc visible, void *user)
@@ -38,7 +45,7 @@ static Vec3 point_irradiance(const ChiaroPoint *point, const ChiaroLight *light,
         return none;
     if (light->type == CHIARO_LIGHT_SUN)
         return vec3_scale(intensity, cosine);
-    /* chiaro_light_at has the inverse square in it; the disc's law takes its place. */
+    /* chiaro_light_at has the inverse square in it; the patch's law takes its place. */
     float form = chiaro_point_form(normal, point->cull, vec3_load(toward), distance);
     return vec3_scale(intensity, distance * distance * form);
 }
