@@ -144,7 +144,7 @@ void chiaro_cluster_free(ClusterTree *tree);
 /* --- rows.c --- */
 /* One a thread: counts of rays a leaf (all 0 between rows), and the row that came out last. */
 typedef struct RowScratch {
-    uint32_t *counts, *touched, *sums;
+    uint32_t *counts, *touched;
     RowEntry *entries; /* room for chiaro_row_room() */
 } RowScratch;
 /* Most entries of a row. */

@@ -4,8 +4,8 @@
  * Directions are a scrambled (0, 2)-sequence, so counts converge faster than 1 / sqrt(rays). What leaves the scene falls
  * into a sky leaf; what meets a surface from behind is lost. Nothing is rescaled: in a closed scene a row adds up to 1.
  *
- * A leaf far away is hit once or not at all, which says nothing about it. So counts are taken from the largest nodes that
- * have only a few hits, and shared out below them by the analytic form factor, down to a small part of the hemisphere.
+ * A leaf far away is hit once or not at all, and stays so: sharing hits out among its neighbours, by any guess at how much
+ * of each is seen, would take light from bright patches that stand beside hidden ones.
  * The same rays tell the cavity colour and the bent normal (article: "Cavity shading", "Bended normals").
  */
 #include "../offline/parallel.h"
@@ -14,9 +14,6 @@
 
 #include <stdlib.h>
 #include <string.h>
-
-/* Fewer hits than this do not tell a node's halves apart. */
-enum { FEW_HITS = 6 };
 
 /* At this distance, as a part of the scene's free path, a blocker in a closed scene counts as half open. */
 static const float CAVITY_PART_OF_FREE_PATH = 0.25f;
@@ -43,19 +40,17 @@ static uint32_t sobol_second(uint32_t i)
 
 static float unit_float(uint32_t bits) { return (float)(bits >> 8) * 0x1p-24f; }
 
-/* One entry a ray, and once more for nodes that are shared out, and those still open when the first half is full. */
 size_t chiaro_row_room(uint32_t rays)
 {
-    return 2 * (size_t)rays + 64;
+    return rays;
 }
 
 bool chiaro_row_scratch_create(const Baker *baker, uint32_t rays, RowScratch *scratch)
 {
     scratch->counts = calloc(baker->leaf_count, sizeof *scratch->counts);
     scratch->touched = malloc(rays * sizeof *scratch->touched);
-    scratch->sums = malloc((rays + (size_t)1) * sizeof *scratch->sums);
     scratch->entries = malloc(chiaro_row_room(rays) * sizeof *scratch->entries);
-    if (scratch->counts && scratch->touched && scratch->sums && scratch->entries)
+    if (scratch->counts && scratch->touched && scratch->entries)
         return true;
     chiaro_row_scratch_destroy(scratch);
     return false;
@@ -65,7 +60,6 @@ void chiaro_row_scratch_destroy(RowScratch *scratch)
 {
     free(scratch->counts);
     free(scratch->touched);
-    free(scratch->sums);
     free(scratch->entries);
     memset(scratch, 0, sizeof *scratch);
 }
@@ -73,8 +67,7 @@ void chiaro_row_scratch_destroy(RowScratch *scratch)
 /* Sums over the rays of a row. */
 typedef struct Gather {
     RowScratch *row;
-    Vec3 place, normal;
-    uint32_t touched, entries, rays;
+    uint32_t touched;
     double sky, behind, near, open, bent[3], blocked_albedo[3];
 } Gather;
 
@@ -120,82 +113,15 @@ static int compare_leaves(const void *a, const void *b)
     return x < y ? -1 : x > y;
 }
 
-/* Hits in a run of leaves. */
-static uint32_t hits_between(const Gather *gather, uint32_t first, uint32_t end)
-{
-    uint32_t bound[2] = {first, end}, at[2];
-    for (int k = 0; k < 2; k++) {
-        uint32_t low = 0, high = gather->touched;
-        while (low < high) {
-            uint32_t middle = low + (high - low) / 2;
-            if (gather->row->touched[middle] < bound[k])
-                low = middle + 1;
-            else
-                high = middle;
-        }
-        at[k] = low;
-    }
-    return gather->row->sums[at[1]] - gather->row->sums[at[0]];
-}
-
-/* Form factor of a node, as a disc that nothing hides. Its absolute size does not matter, only that of its sibling. */
-static float unhidden(const Baker *baker, const Gather *gather, const ChiaroNode *node)
-{
-    if (node->first >= baker->sample_count)
-        return node->area * (0.02f + fmaxf(0, vec3_dot(gather->normal, vec3_load(node->center))));
-    Vec3 way = vec3_sub(vec3_load(node->center), gather->place);
-    float square = vec3_dot(way, way) + 1e-20f, here = vec3_dot(way, gather->normal);
-    float there = -vec3_dot(way, vec3_load(node->normal)), slant = 0.02f * square;
-    return node->area * (fmaxf(0, here) * fmaxf(0, there) + slant * 0.02f) / (square * (CHIARO_PI * square + node->area));
-}
-
-static void put_entry(Gather *gather, uint32_t node, float weight)
-{
-    gather->row->entries[gather->entries++] = (RowEntry){node, weight};
-}
-
-/* Shares a weight out below a node, down to a small part of the hemisphere. */
-static void share_out(const Baker *baker, Gather *gather, uint32_t index, float weight)
-{
-    const ChiaroNode *node = &baker->nodes[index];
-    if (node->count == 1 || weight < 2 / (float)gather->rays || gather->entries >= gather->rays) {
-        put_entry(gather, node->count == 1 ? node->first : index, weight);
-        return;
-    }
-    float left = unhidden(baker, gather, &baker->nodes[node->left]);
-    float right = unhidden(baker, gather, &baker->nodes[node->right]);
-    float share = left + right > 0 ? left / (left + right) : 0.5f;
-    share_out(baker, gather, node->left, weight * share);
-    share_out(baker, gather, node->right, weight * (1 - share));
-}
-
-/* Counts from the root down, as long as both children have hits enough to tell them apart. */
-static void count_down(const Baker *baker, Gather *gather, uint32_t index, uint32_t hits)
-{
-    const ChiaroNode *node = &baker->nodes[index];
-    if (hits == 0)
-        return;
-    if (node->count == 1 || hits < FEW_HITS) {
-        share_out(baker, gather, index, (float)hits / (float)gather->rays);
-        return;
-    }
-    const ChiaroNode *left = &baker->nodes[node->left];
-    uint32_t on_left = hits_between(gather, left->first, left->first + left->count);
-    count_down(baker, gather, node->left, on_left);
-    count_down(baker, gather, node->right, hits - on_left);
-}
-
-static uint32_t finish(const Baker *baker, Gather *gather, uint32_t rays, RowFacts *facts)
+static uint32_t finish(const Gather *gather, uint32_t rays, RowFacts *facts)
 {
     RowScratch *row = gather->row;
     qsort(row->touched, gather->touched, sizeof *row->touched, compare_leaves);
-    row->sums[0] = 0;
     for (uint32_t i = 0; i < gather->touched; i++) {
-        row->sums[i + 1] = row->sums[i] + row->counts[row->touched[i]];
-        row->counts[row->touched[i]] = 0;
+        uint32_t leaf = row->touched[i];
+        row->entries[i] = (RowEntry){leaf, (float)row->counts[leaf] / (float)rays};
+        row->counts[leaf] = 0;
     }
-    gather->rays = rays;
-    count_down(baker, gather, baker->root, row->sums[gather->touched]);
     double inverse = 1.0 / rays, hits = rays - gather->sky, open = gather->open * inverse;
     facts->sky = (float)(gather->sky * inverse);
     facts->behind = (float)(gather->behind * inverse);
@@ -207,7 +133,7 @@ static uint32_t finish(const Baker *baker, Gather *gather, uint32_t rays, RowFac
     for (int c = 0; c < 3; c++)
         cavity[c] = (float)(open / (1 - gather->blocked_albedo[c] * inverse));
     facts->cavity = vec3_load(cavity);
-    return gather->entries;
+    return gather->touched;
 }
 
 /* A direction below the surface (a shading normal that leans) is mirrored at the surface, as in the reference. */
@@ -220,7 +146,7 @@ static Vec3 above(Vec3 direction, Vec3 plane)
 uint32_t chiaro_row_trace(const Baker *baker, Vec3 place, Vec3 normal, Vec3 plane, uint32_t rays, uint32_t stream,
                           RowScratch *row, RowFacts *facts)
 {
-    Gather gather = {.row = row, .place = place, .normal = normal};
+    Gather gather = {.row = row};
     ChiaroRandom random = chiaro_random_seed(baker->desc.seed, 0x100000000u + stream);
     uint32_t a = chiaro_random_bits(&random), b = chiaro_random_bits(&random);
     Vec3 origin = vec3_mad(place, plane, chiaro_rays_epsilon(baker->rays));
@@ -228,16 +154,13 @@ uint32_t chiaro_row_trace(const Baker *baker, Vec3 place, Vec3 normal, Vec3 plan
         Vec3 direction = vec3_cosine_direction(normal, unit_float(sobol_first(i) ^ a), unit_float(sobol_second(i) ^ b));
         shoot(baker, origin, above(direction, plane), &gather);
     }
-    return finish(baker, &gather, rays, facts);
+    return finish(&gather, rays, facts);
 }
 
 uint32_t chiaro_row_trace_samples(const Baker *baker, uint32_t first, uint32_t count, uint32_t rays, RowScratch *row,
                                   RowFacts *facts)
 {
-    const ChiaroSample *middle = &baker->samples[first + count / 2];
-    Vec3 middle_normal = vec3_load(middle->normal);
-    Gather gather = {.row = row, .normal = middle_normal};
-    gather.place = vec3_mad(vec3_load(middle->position), middle_normal, middle->cull);
+    Gather gather = {.row = row};
     ChiaroRandom random = chiaro_random_seed(baker->desc.seed, (uint64_t)count << 34 | first);
     uint32_t s[5];
     for (int k = 0; k < 5; k++)
@@ -252,7 +175,7 @@ uint32_t chiaro_row_trace_samples(const Baker *baker, uint32_t first, uint32_t c
                                                unit_float(sobol_second(i) ^ s[3]));
         shoot(baker, vec3_mad(place, normal, chiaro_rays_epsilon(baker->rays)), direction, &gather);
     }
-    return finish(baker, &gather, rays, facts);
+    return finish(&gather, rays, facts);
 }
 
 /* --- all samples --- */
