@@ -600,8 +600,8 @@ static void light_scaled(Bake *bake, float scale)
     light_up(bake, &lamp, 1, NULL);
 }
 
-/* Powers of two leave every rounding as it was: the same to the last digits. Others change roundings, so another bake comes
- * out, as from another seed: alike, but not the same. */
+/* Powers of two leave every rounding as it was: the same to the last digits. Others change roundings, so another bake
+ * comes out, as from another seed: alike, but not the same. */
 static void the_size_of_a_scene_does_not_matter(void **state)
 {
     (void)state;

@@ -1,7 +1,7 @@
 /* The baker's rays against closed forms: form factors, open sky, bent normals, cavities.
  *
- * Every bound is what random rays would be off by (one standard deviation of counting, or 3 of them for a single row); the
- * baker's rays are spread evenly, so their error must fall faster than that of random ones. */
+ * Every bound is what random rays would be off by: one standard deviation of counting, 3 of them for means of many rows.
+ * The baker's rays are spread evenly, so they must do better than that. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -200,7 +200,8 @@ static void rectangles_that_share_an_edge(void **state)
 {
     (void)state;
     /* H: height of the wall that is seen, W: depth of the floor that sees it, by the length of the edge. */
-    static const double cases[][3] = {{1, 1, 0.200043776}, {2, 1, 0.232852603}, {1, 2, 0.116426301}, {0.5, 1, 0.146186679}};
+    static const double cases[][3] = {{1, 1, 0.200043776}, {2, 1, 0.232852603}, {1, 2, 0.116426301},
+                                      {0.5, 1, 0.146186679}};
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         float h = (float)cases[k][0], w = (float)cases[k][1];
         Mesh mesh = mesh_begin();
@@ -211,7 +212,7 @@ static void rectangles_that_share_an_edge(void **state)
     }
 }
 
-/* Places and directions must be independent: the row of one patch, as large as what it sees, gets better with every ray. */
+/* Places and directions must be independent: the row of a patch as large as what it sees gets better with every ray. */
 static void the_row_of_a_patch_tightens_with_its_rays(void **state)
 {
     (void)state;
@@ -366,8 +367,8 @@ static void in_a_groove(void **state)
 }
 
 /* The convention: the mean of the open directions is weighted by their cosine. Beside an endless wall that is a tilt of
- * atan(2 / pi) = 32.4816 degrees away from it (without the cosine it would be 45), and its length is sqrt(4/9 + ...): the
- * components over the whole hemisphere are 2 / (3 pi) away from the wall and 1/3 up. */
+ * atan(2 / pi) = 32.4816 degrees away from it; without the cosine it would be 45. The share of the whole hemisphere's
+ * mean: 2 / (3 pi) away from the wall, 1/3 up. */
 static void the_bent_normal_is_weighted_by_the_cosine(void **state)
 {
     (void)state;
