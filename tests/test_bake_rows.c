@@ -1,7 +1,7 @@
 /* The baker's rays against closed forms: form factors, open sky, bent normals, cavities.
  *
- * Every bound is what random rays would be off by: one standard deviation of counting, 3 of them for means of many rows.
- * The baker's rays are spread evenly, so they must do better than that. */
+ * Every bound is what random rays would be off by: one standard deviation of counting, 3 for means of many rows. The
+ * baker's rays are spread evenly, so they must do better than that. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

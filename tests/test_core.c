@@ -228,7 +228,7 @@ static void an_image_keeps_its_energy_and_its_direction(void **state)
     free(leaves);
 }
 
-/* A sun of one texel of the image, anywhere, brings its flux: a leaf is the mean of its texel, however coarse that is. */
+/* A sun of one texel of the image, anywhere, brings its flux: a leaf is the mean of its texel. */
 static void a_small_sun_in_an_image_keeps_its_flux(void **state)
 {
     (void)state;
