@@ -38,6 +38,18 @@ static uint32_t sobol_second(uint32_t i)
     return result;
 }
 
+/* Another order of a sequence, block by block, that keeps every aligned block of 2^k a net of its own (Burley, "Practical
+ * Hash-based Owen Scrambling", JCGT 2020). */
+static uint32_t shuffled(uint32_t i, uint32_t seed)
+{
+    uint32_t x = sobol_first(i) + seed;
+    x ^= x * 0x6c50b47cu;
+    x ^= x * 0xb82f1e52u;
+    x ^= x * 0xc7afe638u;
+    x ^= x * 0x8d22f6e6u;
+    return sobol_first(x);
+}
+
 static float unit_float(uint32_t bits) { return (float)(bits >> 8) * 0x1p-24f; }
 
 size_t chiaro_row_room(uint32_t rays)
@@ -167,7 +179,7 @@ uint32_t chiaro_row_trace_samples(const Baker *baker, uint32_t first, uint32_t c
         s[k] = chiaro_random_bits(&random);
     for (uint32_t i = 0; i < rays; i++) {
         /* Places and directions come from the same sequence, so one of them runs through it in another order. */
-        uint32_t j = (i * 0x9e3779b1u + s[4]) & (rays - 1);
+        uint32_t j = shuffled(i, s[4]);
         Vec3 place, normal;
         chiaro_patches_place(baker, first, count, unit_float(sobol_first(j) ^ s[0]), unit_float(sobol_second(j) ^ s[1]),
                              chiaro_random_float(&random), &place, &normal);
