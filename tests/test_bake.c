@@ -165,7 +165,7 @@ static void a_lamp_in_a_closed_box_gives_the_mean_of_an_integrating_sphere(void 
     Mesh mesh = room(0.5f, 0);
     paint(&mesh, 0.9f, 0.5f, 0.2f);
     ChiaroBakeDesc desc = small_bake();
-    desc.samples = 1024, desc.receivers = 1000;
+    desc.samples = 1024, desc.receivers = 500;
     Bake bake;
     open_bake(&bake, &mesh, &desc);
     const ChiaroLight lamps[] = {lamp_at(1.5f, 1, 2, 1), lamp_at(0.6f, 1.5f, 3, 1), lamp_at(2, 0.4f, 1, 1)};
@@ -187,7 +187,7 @@ static void a_sphere_of_two_albedos_is_lit_evenly(void **state)
     const double upper[3] = {0.9, 0.6, 0.1}, lower[3] = {0.3, 0.6, 0.9};
     Mesh mesh = mesh_begin(), bowl = mesh_begin();
     mesh_material(&bowl, 0, 0);
-    mesh_sphere(&bowl, 1, 32, true);
+    mesh_sphere(&bowl, 1, 24, true);
     for (int half = 0; half < 2; half++) {
         mesh_material(&mesh, 0, 0);
         paint(&mesh, half ? 0.9f : 0.3f, 0.6f, half ? 0.1f : 0.9f);
@@ -210,10 +210,11 @@ static void a_sphere_of_two_albedos_is_lit_evenly(void **state)
     ChiaroLight lamp = lamp_at(0, 0, 0, 1);
     light_up(&bake, &lamp, 1, NULL);
     for (uint32_t c = 0; c < 3; c++) {
-        double rho = (upper[c] + lower[c]) / 2, truth = rho / (1 - rho), area;
-        assert_near("mean of channel", c, mean_irradiance(&bake, c, &area), truth, 0.01 * truth);
-        /* Corners of facets lean by up to 4 degrees, so they see up to 3 % more of one half than of the other. */
-        assert_below("spread of channel", c, spread_about(&bake, c, truth), 0.03);
+        double rho = (upper[c] + lower[c]) / 2, area, mean = mean_irradiance(&bake, c, &area);
+        double truth = 4 * pi / area * rho / (1 - rho); /* facets have a little less area than a sphere */
+        assert_near("mean of channel", c, mean, truth, 0.01 * truth);
+        /* Corners of facets lean by up to 5 degrees, so they see up to 4 % more of one half than of the other. */
+        assert_below("spread of channel", c, spread_about(&bake, c, truth), 0.04);
     }
     close_bake(&bake);
 }
@@ -228,7 +229,7 @@ static void a_bowl_under_a_uniform_sky(void **state)
     Mesh mesh = mesh_begin();
     mesh_material(&mesh, 0, 0);
     paint(&mesh, 0.2f, 0.8f, 0.99f);
-    mesh_sphere(&mesh, 2, 32, true);
+    mesh_sphere(&mesh, 2, 24, true);
     ChiaroBakeDesc desc = small_bake();
     desc.receivers = 200;
     Bake bake;
@@ -238,12 +239,12 @@ static void a_bowl_under_a_uniform_sky(void **state)
     for (uint32_t c = 0; c < 3; c++) {
         double truth = pi * 0.5 / (1 - albedo[c] * 0.5), area;
         assert_near("mean", albedo[c], mean_irradiance(&bake, c, &area), truth, 0.01 * truth);
-        assert_below("spread", albedo[c], spread_about(&bake, c, truth), 0.04);
+        assert_below("spread", albedo[c], spread_about(&bake, c, truth), 0.05);
         for (uint32_t r = 0; r < bake.transport.receiver_count; r++) {
             const ChiaroReceiver *receiver = &bake.transport.receivers[r];
             double open = (double)receiver->sky;
-            /* A facet leans by up to 4 degrees: its corners see 3 % more or less. */
-            assert_near("sky", r, open, 0.5, 0.05);
+            /* A facet leans by up to 5 degrees: its corners see 4 % more or less. */
+            assert_near("sky", r, open, 0.5, 0.065);
             assert_near("cavity", albedo[c], (double)receiver->cavity[c], open / (1 - albedo[c] * (1 - open)), 1e-3);
             assert_near("bent", r, (double)vec3_length(vec3_load(receiver->bent)), 1, 1e-4);
             assert_true(receiver->bent[1] > 0);
