@@ -15,7 +15,7 @@
 enum { CLUSTERS = 96, BLOCK = CHIARO_COLUMN_BLOCK, MAX_SWEEPS = 40 };
 static const float TOLERANCE = 3e-4f;
 /* Mean square of a training light on the surfaces against that of its source, below which it is left out. */
-static const double LEAST_LIGHT = 1e-9;
+static const double LEAST_LIGHT = 1e-3;
 
 /* In place: a = its own inverse, by Gauss-Jordan with partial pivoting. False: singular. */
 static bool invert(double *a, uint32_t n)

@@ -13,7 +13,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SUNS = 96, SKIES = 224, LEAST_LAMPS = 1536, MOST_LAMPS = 2048 };
+enum { LEAST_SUNS = 16, MORE_SUNS = 80, LEAST_SKIES = 16, MORE_SKIES = 208, LEAST_LAMPS = 1536, MOST_LAMPS = 2048 };
+/* A scene this open is taught all suns and skies. */
+static const float OPEN = 0.5f;
 
 typedef struct Training {
     Baker *baker;
@@ -109,6 +111,17 @@ static void paint_skies(Baker *baker, uint32_t first, uint32_t count)
     }
 }
 
+/* Part of the surfaces' hemispheres that is sky. */
+static float openness(const Baker *baker)
+{
+    double seen = 0;
+    for (uint32_t s = 0; s < baker->sample_count; s++) {
+        for (size_t e = baker->row_first[s]; e < baker->row_first[s + 1]; e++)
+            seen += baker->rows[e].node >= baker->sample_count ? baker->rows[e].weight * baker->samples[s].area : 0;
+    }
+    return (float)(seen / baker->patches.area);
+}
+
 ChiaroResult chiaro_bake_training(Baker *baker)
 {
     bool grey = true;
@@ -117,7 +130,11 @@ ChiaroResult chiaro_bake_training(Baker *baker)
         grey = fabsf(a[0] - a[1]) + fabsf(a[1] - a[2]) < 1e-4f && (e[0] + e[1] + e[2] == 0);
     }
     bool open = baker->info.sky_seen;
-    uint32_t lamps = baker->sample_count / 8, suns = open ? SUNS : 0, skies = open ? SKIES : 0;
+    /* Links that serve the sky are missing for lamps: where little sky is seen, suns and skies are few. */
+    float part = fminf(1, openness(baker) / OPEN);
+    uint32_t lamps = baker->sample_count / 8;
+    uint32_t suns = open ? LEAST_SUNS + (uint32_t)(part * MORE_SUNS) : 0;
+    uint32_t skies = open ? LEAST_SKIES + (uint32_t)(part * MORE_SKIES) : 0;
     lamps = lamps < LEAST_LAMPS ? LEAST_LAMPS : lamps > MOST_LAMPS ? MOST_LAMPS : lamps;
     uint32_t wanted = lamps + suns + skies + (baker->info.emitters ? 3 : 0) + 3 + (open ? 3 : 0);
     baker->grey = grey;
