@@ -8,10 +8,10 @@
 #include <string.h>
 
 /* Defaults where the caller leaves them to the scene. */
-enum { DEFAULT_LINKS = 32, DEFAULT_RAYS = 2048, LARGE_SCENE_RAYS = 512, LEAST_RECEIVERS = 4096, MOST_RECEIVERS = 65536 };
+enum { DEFAULT_LINKS = 32, DEFAULT_RAYS = 2048, LARGE_SCENE_RAYS = 256, LEAST_RECEIVERS = 4096, MOST_RECEIVERS = 32768 };
 /* Rows between samples serve several samples each, so they can afford this many times the links of a receiver. */
 enum { SAMPLE_LINKS_A_LINK = 4 };
-static const float RECEIVER_PART_OF_FREE_PATH = 0.045f;
+static const float RECEIVER_PART_OF_FREE_PATH = 0.055f;
 
 bool chiaro_bake_progress(float done, void *user)
 {

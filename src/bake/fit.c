@@ -15,7 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_COLUMNS = 768, DESCENT_SWEEPS = 100, FINER_RECEIVERS = 3, FINER_SAMPLES = 1 };
+enum { MOST_COLUMNS = 768, RECEIVER_COLUMNS = 512, DESCENT_SWEEPS = 100, FINER_RECEIVERS = 3, FINER_SAMPLES = 1 };
 
 /* Expected error of the fit, as a part of the row's light: the smaller, the further weights may leave the form factors. */
 static const float FIT_NOISE = 0.01f;
@@ -184,7 +184,7 @@ bool chiaro_fitter_begin_tile(Fitter *fitter, const float *level)
         }
         qsort_r(fitter->order, count, sizeof *fitter->order, compare_levels, (void *)(uintptr_t)level);
         float brightest = count ? level[fitter->order[0]] : 0, mean = 0;
-        uint32_t room = MOST_COLUMNS / groups / CHIARO_LANES * CHIARO_LANES;
+        uint32_t room = (groups == 1 ? RECEIVER_COLUMNS : MOST_COLUMNS / groups) / CHIARO_LANES * CHIARO_LANES;
         fitter->begin[c] = first;
         for (uint32_t k = 0; k < count && fitter->width - first < room; k++) {
             uint32_t t = fitter->order[k];
@@ -243,13 +243,30 @@ static bool add_light(Fitter *fitter, Open *open, uint32_t entry, const float we
     return true;
 }
 
+/* What is lost if a node's mean stands for the entries inside it. */
+static bool measure_cost(Fitter *fitter, Open *open)
+{
+    open->cost = 0;
+    if (fitter->task.baker->nodes[open->node].count == 1)
+        return true;
+    const float *mean = table_row(fitter, &fitter->truth, open->node);
+    if (!mean)
+        return false;
+    for (uint32_t c = 0; c < fitter->task.channels; c++) {
+        uint32_t begin = fitter->begin[c], count = fitter->begin[c + 1] - begin;
+        memcpy(fitter->scratch, open->light + begin, count * sizeof *fitter->scratch);
+        chiaro_axpy(fitter->scratch, -open->own[c], mean + begin, count);
+        open->cost += chiaro_dot(fitter->scratch, fitter->scratch, count);
+    }
+    return true;
+}
+
 /* Light and weight of the entries inside a node, and what is lost if the node's mean stands for them. */
 static bool open_node(Fitter *fitter, Open *open, uint32_t node, const float above[3])
 {
     const Baker *baker = fitter->task.baker;
     const ChiaroNode *n = &baker->nodes[node];
     open->node = node;
-    open->cost = 0;
     memset(open->light, 0, fitter->width * sizeof *open->light);
     for (int c = 0; c < 3; c++)
         open->own[c] = 0, open->above[c] = above[c];
@@ -269,18 +286,26 @@ static bool open_node(Fitter *fitter, Open *open, uint32_t node, const float abo
                 return false;
         }
     }
-    const float *mean = table_row(fitter, &fitter->truth, node);
-    if (!mean)
+    return measure_cost(fitter, open);
+}
+
+/* Opens the smaller child of a receiver's node; the larger one keeps what is left of the parent's light, in the parent's
+ * place. (A receiver's entries are leaves, so all of the parent's light is in its children.) */
+static bool open_children(Fitter *fitter, Open *parent, Open *spare)
+{
+    const float none[3] = {0, 0, 0};
+    const ChiaroNode *nodes = fitter->task.baker->nodes, *node = &nodes[parent->node];
+    uint32_t first = entry_at(fitter, node->first), end = entry_at(fitter, node->first + node->count);
+    uint32_t middle = entry_at(fitter, nodes[node->right].first);
+    bool left_smaller = middle - first <= end - middle;
+    uint32_t smaller = left_smaller ? node->left : node->right, larger = left_smaller ? node->right : node->left;
+    if (!open_node(fitter, spare, smaller, none))
         return false;
-    if (n->count > 1) {
-        for (uint32_t c = 0; c < fitter->task.channels; c++) {
-            uint32_t begin = fitter->begin[c], count = fitter->begin[c + 1] - begin;
-            memcpy(fitter->scratch, open->light + begin, count * sizeof *fitter->scratch);
-            chiaro_axpy(fitter->scratch, -open->own[c], mean + begin, count);
-            open->cost += chiaro_dot(fitter->scratch, fitter->scratch, count);
-        }
-    }
-    return true;
+    chiaro_axpy(parent->light, -1, spare->light, fitter->width);
+    parent->node = larger, parent->own[0] = 0;
+    for (uint32_t e = left_smaller ? middle : first; e < (left_smaller ? end : middle); e++)
+        parent->own[0] += fitter->entries[e].weight;
+    return measure_cost(fitter, parent);
 }
 
 /* What a child inherits by its share of the area: from what its parent inherited, and from entries on the parent. */
@@ -330,17 +355,20 @@ static uint32_t cut(Fitter *fitter)
         bool halves = fitter->open[worst].node == baker->root && baker->sky_count && fitter->fine > 1;
         if (count >= fitter->fine || (!(fitter->open[worst].cost > 0) && !halves))
             return count;
-        Open parent = fitter->open[worst];
-        const ChiaroNode *node = &baker->nodes[parent.node];
-        float above[3];
-        /* The parent's light is read while the left child is made in a spare place. */
         Open *left = &fitter->open[count], *right = &fitter->open[worst];
-        inherit(fitter, &parent, node->left, above);
-        if (!open_node(fitter, left, node->left, above))
+        if (fitter->spread) {
+            Open parent = *right;
+            const ChiaroNode *node = &baker->nodes[parent.node];
+            float above[3];
+            inherit(fitter, &parent, node->left, above);
+            if (!open_node(fitter, left, node->left, above))
+                return 0;
+            inherit(fitter, &parent, node->right, above);
+            if (!open_node(fitter, right, node->right, above))
+                return 0;
+        } else if (!open_children(fitter, right, left)) {
             return 0;
-        inherit(fitter, &parent, node->right, above);
-        if (!open_node(fitter, right, node->right, above))
-            return 0;
+        }
         if (is_dark(right) && !is_dark(left)) {
             Open swap = *right;
             *right = *left;
