@@ -15,7 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_COLUMNS = 768, RECEIVER_COLUMNS = 512, DESCENT_SWEEPS = 100, FINER_RECEIVERS = 3, FINER_SAMPLES = 1 };
+enum { MOST_COLUMNS = 768, DESCENT_SWEEPS = 100, FINER_RECEIVERS = 3, FINER_SAMPLES = 1 };
 
 /* Expected error of the fit, as a part of the row's light: the smaller, the further weights may leave the form factors. */
 static const float FIT_NOISE = 0.01f;
@@ -184,7 +184,7 @@ bool chiaro_fitter_begin_tile(Fitter *fitter, const float *level)
         }
         qsort_r(fitter->order, count, sizeof *fitter->order, compare_levels, (void *)(uintptr_t)level);
         float brightest = count ? level[fitter->order[0]] : 0, mean = 0;
-        uint32_t room = (groups == 1 ? RECEIVER_COLUMNS : MOST_COLUMNS / groups) / CHIARO_LANES * CHIARO_LANES;
+        uint32_t room = MOST_COLUMNS / groups / CHIARO_LANES * CHIARO_LANES;
         fitter->begin[c] = first;
         for (uint32_t k = 0; k < count && fitter->width - first < room; k++) {
             uint32_t t = fitter->order[k];

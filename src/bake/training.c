@@ -1,8 +1,8 @@
 /* Training lights: what could light this scene. The links are fitted so that they are right for these.
  *
  * Lamps all over the free space (a point somewhere along a ray between two surfaces), suns from every side and skies with
- * wide and narrow lobes where the scene is open, the emitters as they are, and a uniform field, which is the energy that a
- * row keeps. Light is linear, so a lamp needs only one colour channel: channels take turns.
+ * wide and narrow lobes where the scene is open, the emitters as they are, all lamps at once, and a uniform field, which is
+ * the energy that a row keeps. Light is linear, so a lamp needs only one colour channel: channels take turns.
  */
 #include "../core/samples.h"
 #include "../offline/parallel.h"
@@ -94,6 +94,23 @@ static void light_samples(uint32_t begin, uint32_t end, uint32_t thread, void *u
     }
 }
 
+/* All lamps at once, a column a channel: what the links lose on the mean of all lamps would be a loss of energy. */
+static uint32_t light_all_lamps(const Training *training, uint32_t next)
+{
+    Baker *baker = training->baker;
+    for (uint8_t c = 0; c < 3; c++, next++) {
+        baker->column_channel[next] = c;
+        for (uint32_t s = 0; s < baker->sample_count; s++) {
+            float *row = baker->direct + (size_t)s * baker->columns;
+            for (uint32_t l = 0; l < training->lamp_count; l++) {
+                bool lamp = training->lamps[l].type == CHIARO_LIGHT_POINT;
+                row[next] += lamp && (baker->grey || baker->column_channel[l] == c) ? row[l] : 0;
+            }
+        }
+    }
+    return next;
+}
+
 /* A sky of one lobe over a plain ground, of random width. */
 static void paint_skies(Baker *baker, uint32_t first, uint32_t count)
 {
@@ -136,7 +153,7 @@ ChiaroResult chiaro_bake_training(Baker *baker)
     uint32_t suns = open ? LEAST_SUNS + (uint32_t)(part * MORE_SUNS) : 0;
     uint32_t skies = open ? LEAST_SKIES + (uint32_t)(part * MORE_SKIES) : 0;
     lamps = lamps < LEAST_LAMPS ? LEAST_LAMPS : lamps > MOST_LAMPS ? MOST_LAMPS : lamps;
-    uint32_t wanted = lamps + suns + skies + (baker->info.emitters ? 3 : 0) + 3 + (open ? 3 : 0);
+    uint32_t wanted = lamps + suns + skies + (baker->info.emitters ? 3 : 0) + 6 + (open ? 3 : 0);
     baker->grey = grey;
     baker->columns = (wanted + CHIARO_COLUMN_BLOCK - 1) / CHIARO_COLUMN_BLOCK * CHIARO_COLUMN_BLOCK;
     size_t table = (size_t)baker->node_count * baker->columns;
@@ -163,6 +180,7 @@ ChiaroResult chiaro_bake_training(Baker *baker)
         for (uint32_t s = 0; s < baker->sample_count; s++)
             baker->direct[(size_t)s * baker->columns + next] = baker->samples[s].emission[c];
     }
+    next = light_all_lamps(&training, next);
     baker->uniform_column = next;
     for (uint8_t c = 0; c < 3; c++, next++) {
         baker->column_channel[next] = c;
