@@ -151,4 +151,6 @@ install: all ## install into PREFIX (default /usr/local; DESTDIR is honoured)
 clean: ## remove everything that was built
 	rm -rf build
 
+.SECONDARY:
+
 -include $(shell find $(B)/obj $(B)/spirv -name '*.d' 2>/dev/null)
