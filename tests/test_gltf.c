@@ -12,21 +12,11 @@
 #include <cmocka.h>
 
 #include "common/geometry.h"
-
-#define OUT "build/tests/out/"
+#include "common/out.h"
 
 /* ------------------------------------------------------------------------------------------------------------------
  * Making files
  */
-
-static int make_folder(void **state)
-{
-    (void)state;
-    mkdir("build", 0777);
-    mkdir("build/tests", 0777);
-    mkdir("build/tests/out", 0777);
-    return 0;
-}
 
 /* What every small file shares: a triangle in x-y that looks to +z, then whatever a test adds. */
 typedef struct Binary {

@@ -27,16 +27,7 @@
 #include <stb/stb_image.h>
 #pragma GCC diagnostic pop
 
-#define OUT "build/tests/out/"
-
-static int make_folder(void **state)
-{
-    (void)state;
-    mkdir("build", 0777);
-    mkdir("build/tests", 0777);
-    mkdir("build/tests/out", 0777);
-    return 0;
-}
+#include "common/out.h"
 
 /* ------------------------------------------------------------------------------------------------------------------
  * Files

@@ -9,17 +9,7 @@
 #include <cmocka.h>
 
 #include "common/geometry.h"
-
-#define OUT "build/tests/out/"
-
-static int make_folder(void **state)
-{
-    (void)state;
-    mkdir("build", 0777);
-    mkdir("build/tests", 0777);
-    mkdir("build/tests/out", 0777);
-    return 0;
-}
+#include "common/out.h"
 
 static const char *scene_name(uint32_t i)
 {

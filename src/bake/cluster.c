@@ -97,8 +97,8 @@ static bool find_cut(const Builder *builder, uint32_t first, uint32_t count, uin
             for (int f = 0; f < CLUSTER_FEATURES; f++)
                 right.sum[f] -= left.sum[f];
             uint32_t n = deal(leaves, left.weight, total.weight, left.count, right.count);
-            /* A side that is cut further loses spread with the square of the edge: two thirds of the exponent suit
-             * surfaces. This also keeps the groups even, since a heavy side with few leaves costs more. */
+            /* Spread falls as 1 / groups when a surface is cut further, so this is what each side will have in the end.
+             * It also keeps the groups even, since a heavy side with few leaves costs more. */
             double cost = moments_spread(&left) / n + moments_spread(&right) / (leaves - n);
             if (cost < best)
                 best = cost, *best_axis = axis, *best_bin = b, *best_low = low, *best_high = high;
