@@ -18,10 +18,9 @@
 /* Training lights are solved in blocks of this many. */
 enum { CHIARO_COLUMN_BLOCK = 32 };
 
-/* Sparse row of form factors: nodes of the tree, none inside another, in the order of their leaves; and the share of the
- * cosine hemisphere that each takes. */
+/* Sparse row of form factors: leaves, in their order, and the share of the cosine hemisphere that each takes. */
 typedef struct RowEntry {
-    uint32_t node;
+    uint32_t node; /* a leaf: the first nodes are the leaves */
     float weight;
 } RowEntry;
 
@@ -145,10 +144,8 @@ void chiaro_cluster_free(ClusterTree *tree);
 /* One a thread: counts of rays a leaf (all 0 between rows), and the row that came out last. */
 typedef struct RowScratch {
     uint32_t *counts, *touched;
-    RowEntry *entries; /* room for chiaro_row_room() */
+    RowEntry *entries; /* room for one a ray */
 } RowScratch;
-/* Most entries of a row. */
-size_t chiaro_row_room(uint32_t rays);
 bool chiaro_row_scratch_create(const Baker *baker, uint32_t rays, RowScratch *scratch);
 void chiaro_row_scratch_destroy(RowScratch *scratch);
 /* Row of a place into scratch->entries: rays (a power of two) about `normal`, mirrored above the plane whose normal is

@@ -308,25 +308,21 @@ static bool open_children(Fitter *fitter, Open *parent, Open *spare)
     return measure_cost(fitter, parent);
 }
 
-/* What a child inherits by its share of the area: from what its parent inherited, and from entries on the parent. */
+/* What a child inherits by its share of the area: from what its parent inherited, and from a cluster that the parent is. */
 static void inherit(const Fitter *fitter, const Open *open, uint32_t child, float above[3])
 {
     const Baker *baker = fitter->task.baker;
     const ChiaroNode *parent = &baker->nodes[open->node];
     float share = baker->nodes[child].area / parent->area;
-    uint32_t e = entry_at(fitter, parent->first), cluster = CHIARO_NONE;
-    bool entry = e < fitter->entry_count && baker->nodes[fitter->entries[e].node].first == parent->first &&
-                 baker->nodes[fitter->entries[e].node].count == parent->count;
+    uint32_t cluster = CHIARO_NONE;
     if (fitter->spread && parent->first < baker->sample_count) {
         cluster = baker->sample_cluster[parent->first];
         const ChiaroNode *node = &baker->nodes[baker->clusters[cluster]];
         if (node->first != parent->first || node->count != parent->count)
             cluster = CHIARO_NONE;
     }
-    for (int c = 0; c < 3; c++) {
-        float whole = open->above[c] + (entry ? fitter->entries[e].weight : 0);
-        above[c] = share * (whole + (cluster != CHIARO_NONE ? fitter->spread[c][cluster] : 0));
-    }
+    for (int c = 0; c < 3; c++)
+        above[c] = share * (open->above[c] + (cluster != CHIARO_NONE ? fitter->spread[c][cluster] : 0));
 }
 
 /* True if nothing at all comes from a node. */

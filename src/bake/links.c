@@ -217,7 +217,7 @@ static void tile_level(const Baker *baker, const RowEntry *rows, const uint32_t 
     memset(level, 0, baker->columns * sizeof *level);
     for (uint32_t r = 0; r < count; r += LEVEL_STEP) {
         for (uint32_t e = 0; e < counts[r]; e++) {
-            const RowEntry *entry = &rows[r * chiaro_row_room(baker->desc.rays) + e];
+            const RowEntry *entry = &rows[(size_t)r * baker->desc.rays + e];
             chiaro_axpy(level, entry->weight, baker->total + (size_t)entry->node * baker->columns, baker->columns);
         }
     }
@@ -228,9 +228,8 @@ static void link_receivers(uint32_t begin, uint32_t end, uint32_t thread, void *
     LinksJob *job = user;
     Baker *baker = job->baker;
     uint32_t columns = baker->columns, rays = baker->desc.rays;
-    size_t room = chiaro_row_room(rays);
     float *level = job->level + 2 * (size_t)thread * columns;
-    RowEntry *rows = job->rows + thread * TILE * room;
+    RowEntry *rows = job->rows + (size_t)thread * TILE * rays;
     RowScratch *scratch = &job->scratch[thread];
     for (uint32_t tile = begin; tile < end && !job->failed[thread]; tile++) {
         uint32_t first = tile * TILE, counts[TILE];
@@ -240,7 +239,7 @@ static void link_receivers(uint32_t begin, uint32_t end, uint32_t thread, void *
             RowFacts facts;
             counts[r - first] = chiaro_row_trace(baker, vec3_load(receiver->position), vec3_load(receiver->normal),
                                                  baker->receiver_plane[r], rays, r, scratch, &facts);
-            memcpy(rows + (r - first) * room, scratch->entries, counts[r - first] * sizeof *rows);
+            memcpy(rows + (size_t)(r - first) * rays, scratch->entries, counts[r - first] * sizeof *rows);
             store_facts(receiver, &facts);
         }
         tile_level(baker, rows, counts, last - first, level);
@@ -249,7 +248,7 @@ static void link_receivers(uint32_t begin, uint32_t end, uint32_t thread, void *
             break;
         }
         for (uint32_t r = first; r < last; r++) {
-            const RowEntry *row = rows + (r - first) * room;
+            const RowEntry *row = rows + (size_t)(r - first) * rays;
             FitLinks links;
             float energy[3][2] = {{0, 0}};
             for (uint32_t e = 0; e < counts[r - first]; e++)
@@ -280,7 +279,7 @@ static ChiaroResult run(Baker *baker, const FitTask *task, uint32_t tiles, bool 
     job.level = malloc(2 * (size_t)threads * baker->columns * sizeof *job.level);
     job.spread = malloc((size_t)threads * 4 * baker->cluster_count * sizeof *job.spread);
     job.sums = malloc((size_t)threads * baker->cluster_count * sizeof *job.sums);
-    job.rows = receivers ? malloc(threads * TILE * chiaro_row_room(baker->desc.rays) * sizeof *job.rows) : NULL;
+    job.rows = receivers ? malloc((size_t)threads * TILE * baker->desc.rays * sizeof *job.rows) : NULL;
     ready = job.fitters && job.failed && job.scratch && job.errors && job.level && job.spread && job.sums &&
             (!receivers || job.rows);
     for (uint32_t t = 0; t < threads && ready; t++) {

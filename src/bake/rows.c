@@ -52,16 +52,11 @@ static uint32_t shuffled(uint32_t i, uint32_t seed)
 
 static float unit_float(uint32_t bits) { return (float)(bits >> 8) * 0x1p-24f; }
 
-size_t chiaro_row_room(uint32_t rays)
-{
-    return rays;
-}
-
 bool chiaro_row_scratch_create(const Baker *baker, uint32_t rays, RowScratch *scratch)
 {
     scratch->counts = calloc(baker->leaf_count, sizeof *scratch->counts);
     scratch->touched = malloc(rays * sizeof *scratch->touched);
-    scratch->entries = malloc(chiaro_row_room(rays) * sizeof *scratch->entries);
+    scratch->entries = malloc(rays * sizeof *scratch->entries);
     if (scratch->counts && scratch->touched && scratch->entries)
         return true;
     chiaro_row_scratch_destroy(scratch);
@@ -195,7 +190,7 @@ uint32_t chiaro_row_trace_samples(const Baker *baker, uint32_t first, uint32_t c
 typedef struct RowsJob {
     Baker *baker;
     RowScratch *scratch;    /* one a thread */
-    RowEntry *entries;      /* chiaro_row_room() a sample, before they are packed */
+    RowEntry *entries;      /* rays a sample, before they are packed */
     uint32_t *entry_counts;
     uint32_t rays, begin; /* first sample of this batch */
 } RowsJob;
@@ -206,10 +201,9 @@ static void trace_samples(uint32_t begin, uint32_t end, uint32_t thread, void *u
     for (uint32_t k = begin; k < end; k++) {
         RowFacts facts;
         RowScratch *row = &job->scratch[thread];
-        uint32_t count =
-            chiaro_row_trace_samples(job->baker, job->begin + k, 1, job->rays, row, &facts);
+        uint32_t count = chiaro_row_trace_samples(job->baker, job->begin + k, 1, job->rays, row, &facts);
         job->entry_counts[k] = count;
-        memcpy(job->entries + k * chiaro_row_room(job->rays), row->entries, count * sizeof *row->entries);
+        memcpy(job->entries + (size_t)k * job->rays, row->entries, count * sizeof *row->entries);
     }
 }
 
@@ -221,7 +215,7 @@ ChiaroResult chiaro_bake_rows(Baker *baker)
     ChiaroResult result = CHIARO_ERROR_MEMORY;
     size_t capacity = 0;
     job.scratch = calloc(threads, sizeof *job.scratch);
-    job.entries = malloc(BATCH * chiaro_row_room(rays) * sizeof *job.entries);
+    job.entries = malloc((size_t)BATCH * rays * sizeof *job.entries);
     job.entry_counts = malloc(BATCH * sizeof *job.entry_counts);
     baker->row_first = calloc(n + (size_t)1, sizeof *baker->row_first);
     if (!job.scratch || !job.entries || !job.entry_counts || !baker->row_first)
@@ -246,7 +240,7 @@ ChiaroResult chiaro_bake_rows(Baker *baker)
                     goto done;
                 baker->rows = grown;
             }
-            memcpy(baker->rows + used, job.entries + k * chiaro_row_room(rays), job.entry_counts[k] * sizeof *baker->rows);
+            memcpy(baker->rows + used, job.entries + (size_t)k * rays, job.entry_counts[k] * sizeof *baker->rows);
             baker->row_first[job.begin + k + 1] = wanted;
         }
     }
