@@ -2,19 +2,12 @@
 #ifndef CHIARO_SHARED_H
 #define CHIARO_SHARED_H
 
-/* Rows of links are stored in blocks of 64 rows, link by link, so that neighbouring invocations read neighbouring words:
- * word of link k of row r in a table of K links a row. A table is padded to whole blocks. */
-#define CHIARO_LINK_BLOCK 64u
-#define CHIARO_LINK_INDEX(r, k, K)                                                                                     \
-    (((r) / CHIARO_LINK_BLOCK) * CHIARO_LINK_BLOCK * (K) + (k) * CHIARO_LINK_BLOCK + (r) % CHIARO_LINK_BLOCK)
-
-/* Receiver link: node in the low bits, weight in the high bits as a signed fixed-point number, times the row's scale. */
-#define CHIARO_LINK_NODE_BITS 18
-#define CHIARO_LINK_NODE_MASK 0x3ffffu
-#define CHIARO_LINK_WEIGHT_MAX 8191 /* 14 bits, signed */
-
-/* Sample link: node and red as above in the first word, green (low) and blue (high) as signed 16 bits in the second. */
-#define CHIARO_LINK_GREEN_BLUE_MAX 32767
+/* Limits of a block of links (chiaro.h, ChiaroBlock): rows, nodes of its cut, patterns. */
+#define CHIARO_BLOCK_ROWS 64
+#define CHIARO_BLOCK_NODES 512
+#define CHIARO_BLOCK_RANK 16
+/* Parts that the sum of a pattern is cut into, each for an invocation of its own. */
+#define CHIARO_BLOCK_PARTS 8
 
 /* Nodes are summed in two passes: those of at most this many leaves from their leaves, the larger ones from those. */
 #define CHIARO_SMALL_NODE 64u
@@ -25,7 +18,7 @@
 #define CHIARO_FAR_LIGHT 12.0f
 #define CHIARO_FAR_MOMENT 0.785398163397448310f
 
-/* Invocations of a compute work group: one block of link rows. */
+/* Invocations of a compute work group: the rows of a block of links. */
 #define CHIARO_GROUP_SIZE 64
 
 /* The filmic curve x (A x + B) / (x (C x + D) + E): Krzysztof Narkowicz, "ACES Filmic Tone Mapping Curve", 2016. */
@@ -109,8 +102,15 @@ CHIARO_STRUCT(ChiaroSkyPush)
 /* Push constants of the compute passes. */
 CHIARO_STRUCT(ChiaroComputePush)
 {
-    CHIARO_UVEC4(range); /* first and number of things to do, links a row, first value of the buffer half that is read */
-    CHIARO_UVEC4(more);  /* first value of the half that is written, number of samples, number of leaves; unused */
+    CHIARO_UVEC4(range); /* first and number of things to do, first value of the half that is read, and of that written */
+    CHIARO_UVEC4(more);  /* number of samples, number of leaves; unused */
+};
+
+/* ChiaroBlock as the passes see it. */
+CHIARO_STRUCT(ChiaroGpuBlock)
+{
+    CHIARO_UVEC4(rows);    /* first row, rows, first node, nodes */
+    CHIARO_UVEC4(weights); /* first weight, first share, rank, channels */
 };
 
 /* What the passes need of a sample. */

@@ -11,7 +11,7 @@ void main()
         return;
     uint node = push.range.x + gl_GlobalInvocationID.x;
     uvec2 source = sources[node];
-    uint first = push.more.x + source.x;
+    uint first = push.range.z + source.x;
     vec3 sum = vec3(0);
     float weight = 0;
     for (uint k = 0; k < source.y; k++) {
@@ -19,5 +19,5 @@ void main()
         sum += values[first + k].rgb * w;
         weight += w;
     }
-    values[push.more.x + node] = vec4(weight > 0 ? sum / weight : sum, 0);
+    values[push.range.z + node] = vec4(weight > 0 ? sum / weight : sum, 0);
 }

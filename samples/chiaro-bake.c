@@ -15,7 +15,7 @@ static const char help[] =
     "       chiaro-bake --info IN.chiaro [--json]\n"
     "Bakes the transport of a static scene.\n"
     "  -o FILE.chiaro  output\n"
-    "  --links K       links a receiver, 1 to 256 (32)\n"
+    "  --links K       multiply-adds a receiver, 1 to 128 (32)\n"
     "  --samples M     surface samples, 64 to 65536 (from the scene)\n"
     "  --rays R        rays a receiver, 16 to 65536 (from the scene)\n"
     "  --receivers N   receivers wanted, about (from the scene)\n"
@@ -50,12 +50,14 @@ static void print_info(const SceneOptions *options, const ChiaroTransport *t, si
         double value;
     } rows[] = {
         {"bytes", (double)bytes},
-        {"links", info->receiver_links},
-        {"sample_links", info->sample_links},
+        {"links", info->links},
+        {"receiver_cost", (double)info->receiver_links}, /* multiply-adds a row and channel */
+        {"sample_cost", (double)info->sample_links},
         {"rays", info->rays},
         {"seed", info->seed},
         {"samples", t->sample_count},
-        {"sample_rows", t->sample_row_count},
+        {"sample_blocks", t->sample_links.block_count},
+        {"receiver_blocks", t->receiver_links.block_count},
         {"points", t->point_count},
         {"sky_leaves", t->sky_count},
         {"nodes", t->node_count},

@@ -23,7 +23,7 @@ static const char help[] =
     "A glTF is baked first; the bake is kept in $XDG_CACHE_HOME/chiaro or ~/.cache/chiaro.\n"
     "  --component full|punctual|indirect   which light (full)\n"
     "  --gi on|off          bounce light (on)\n"
-    "  --links K            of the bake: links a receiver, 1 to 256 (32)\n"
+    "  --links K            of the bake: multiply-adds a receiver, 1 to 128 (32)\n"
     "  --samples M          of the bake: surface samples, 64 to 65536 (from the scene)\n"
     "  --rays R             of the bake: rays a receiver, 16 to 65536 (from the scene)\n"
     "  --frames N           frames that are timed, after two to warm up; the last one is written (1)\n"
@@ -300,7 +300,7 @@ static bool report(const Job *job, Run *run)
         json_timing(&json, "frame_ms", frame);
         json_timing(&json, "update_ms", update);
         json_number(&json, "bake_s", run->scene.seconds);
-        json_number(&json, "links", transport->info.receiver_links);
+        json_number(&json, "links", transport->info.links);
         json_number(&json, "samples", transport->sample_count);
         json_number(&json, "receivers", transport->receiver_count);
         json_number(&json, "gi_bytes", (double)stats.gi_bytes);

@@ -328,11 +328,28 @@ static void a_node_is_the_weighted_mean_of_its_leaves(void **state)
     free_room(&room);
 }
 
-/* Fixed point, decoded as the header describes it and not as the library does. */
-static double signed_bits(uint32_t word, uint32_t first, uint32_t count)
+/* Every row by itself, in double precision. */
+static void assert_gather(const char *what, const ChiaroLinks *links, const float *values, const float *irradiance)
 {
-    uint32_t bits = word >> first & ((1u << count) - 1);
-    return bits >> (count - 1) ? (double)bits - (double)(1u << count) : (double)bits;
+    for (uint32_t b = 0; b < links->block_count; b++) {
+        ChiaroBlock k = links->blocks[b];
+        for (uint32_t r = 0; r < k.row_count; r++) {
+            for (uint32_t c = 0; c < 3; c++) {
+                double sum = 0, size = 0;
+                for (uint32_t p = 0; p < k.rank; p++) {
+                    for (uint32_t i = 0; i < k.node_count; i++) {
+                        uint32_t plane = k.channels == 3 ? c * k.rank + p : p;
+                        double term = (double)links->weights[k.first_share + p * k.row_count + r] *
+                                      (double)links->weights[k.first_weight + plane * k.node_count + i] *
+                                      (double)values[3 * links->nodes[k.first_node + i] + c];
+                        sum += term, size += fabs(term);
+                    }
+                }
+                assert_near(what, k.first_row + r, (double)irradiance[3 * (k.first_row + r) + c], fmax(0, sum),
+                            1e-5 * size);
+            }
+        }
+    }
 }
 
 static void gathers_sum_the_links_as_they_are_written(void **state)
@@ -341,35 +358,13 @@ static void gathers_sum_the_links_as_they_are_written(void **state)
     Room room = make_room(true, 7);
     const ChiaroTransport *t = &room.transport;
     fill_values(&room, t->node_count);
+    for (uint32_t k = 0; k < 3 * t->node_count; k += 2) /* so that some sums are below nothing */
+        room.values[k] = -room.values[k];
     float *bounce = new_array(3 * (size_t)t->sample_count, sizeof(float));
-    chiaro_gather_samples(t, room.values, bounce);
-    chiaro_gather_receivers(t, room.values, room.irradiance);
-    uint32_t row = 0, block = CHIARO_LINK_BLOCK;
-    for (uint32_t s = 0; s < t->sample_count; s++) {
-        double sum[3] = {0};
-        row += s >= (uint32_t)t->sample_scales[4 * row + 7];
-        for (uint32_t k = 0; k < 7; k++) {
-            ChiaroLinkRgb link = t->sample_links[row / block * block * 7 + k * block + row % block];
-            const float *value = room.values + 3 * (size_t)(link.node_red & 0x3ffff);
-            sum[0] += signed_bits(link.node_red, 18, 14) * (double)value[0];
-            sum[1] += signed_bits(link.green_blue, 0, 16) * (double)value[1];
-            sum[2] += signed_bits(link.green_blue, 16, 16) * (double)value[2];
-        }
-        for (uint32_t c = 0; c < 3; c++)
-            assert_near("sample", s, (double)bounce[3 * s + c], sum[c] * (double)t->sample_scales[4 * row + c], 2e-5);
-    }
-    assert_int_equal(row, t->sample_row_count - 1);
-    for (uint32_t r = 0; r < t->receiver_count; r++) {
-        double sum[3] = {0};
-        for (uint32_t k = 0; k < 7; k++) {
-            uint32_t link = t->receiver_links[r / block * block * 7 + k * block + r % block];
-            for (uint32_t c = 0; c < 3; c++)
-                sum[c] += signed_bits(link, 18, 14) * (double)room.values[3 * (size_t)(link & 0x3ffff) + c];
-        }
-        for (uint32_t c = 0; c < 3; c++)
-            assert_near("receiver", r, (double)room.irradiance[3 * r + c], sum[c] * (double)t->receiver_scales[r],
-                        2e-5);
-    }
+    chiaro_links_gather(&t->sample_links, room.values, bounce);
+    chiaro_links_gather(&t->receiver_links, room.values, room.irradiance);
+    assert_gather("sample", &t->sample_links, room.values, bounce);
+    assert_gather("receiver", &t->receiver_links, room.values, room.irradiance);
     free(bounce);
     free_room(&room);
 }
@@ -458,14 +453,18 @@ static void the_shadow_test_has_the_last_word_and_is_asked_about_the_surface(voi
 static ChiaroBlob write_block(const ChiaroTransport *t)
 {
 #define ARRAY(name) .name = (void *)(uintptr_t)t->name
+#define LINKS(name) .name = {(void *)(uintptr_t)t->name.blocks, (void *)(uintptr_t)t->name.nodes, \
+                             (void *)(uintptr_t)t->name.weights, t->name.block_count, t->name.node_count, \
+                             t->name.weight_count}
     Baker baker = {.scene = &t->scene, .info = t->info, ARRAY(samples), ARRAY(points), ARRAY(leaf_weights),
-                   ARRAY(sky_directions), ARRAY(nodes), ARRAY(sample_links), ARRAY(sample_scales), ARRAY(receivers),
-                   ARRAY(receiver_links), ARRAY(receiver_scales), ARRAY(vertices), ARRAY(vertex_receivers),
+                   ARRAY(sky_directions), ARRAY(nodes), LINKS(sample_links), ARRAY(receivers),
+                   LINKS(receiver_links), ARRAY(vertices), ARRAY(vertex_receivers),
                    ARRAY(indices), ARRAY(parts), .sample_count = t->sample_count, .point_count = t->point_count,
                    .sky_count = t->sky_count, .leaf_count = t->leaf_count, .node_count = t->node_count,
-                   .small_node_end = t->small_node_end, .sample_row_count = t->sample_row_count,
+                   .small_node_end = t->small_node_end,
                    .vertex_count = t->vertex_count, .index_count = t->index_count,
                    .receiver_count = t->receiver_count};
+#undef LINKS
 #undef ARRAY
     ChiaroBlob blob = {NULL, 0};
     assert_int_equal(chiaro_bake_write(&baker, &blob), CHIARO_OK);
@@ -617,7 +616,8 @@ static bool tell_lie(uint32_t number, ChiaroFileHeader *header, const ChiaroTran
 {
     ChiaroNode *nodes = MUTABLE(ChiaroNode, t->nodes);
     ChiaroSample *samples = MUTABLE(ChiaroSample, t->samples);
-    float *sky = MUTABLE(float, t->sky_directions), *scales = MUTABLE(float, t->sample_scales);
+    float *sky = MUTABLE(float, t->sky_directions);
+    ChiaroBlock *blocks = MUTABLE(ChiaroBlock, t->sample_links.blocks);
     uint32_t inner = t->leaf_count, last = t->node_count - 1;
     switch (number) {
     case 0: nodes[inner].source_first = t->node_count; break;
@@ -643,13 +643,13 @@ static bool tell_lie(uint32_t number, ChiaroFileHeader *header, const ChiaroTran
     case 20: MUTABLE(float, t->leaf_weights)[0] = NAN; break;
     case 21: sky[2] = NAN; break;
     case 22: memcpy(sky, sky + 4, 4 * sizeof *sky); break; /* two leaves for one texel, so none for another */
-    case 23: MUTABLE(ChiaroLinkRgb, t->sample_links)[0].node_red |= CHIARO_LINK_NODE_MASK; break;
-    case 24: scales[0] = INFINITY; break;
-    case 25: scales[3] = 1; break;
-    case 26: scales[7] = -1; break;
-    case 27: scales[4 * t->sample_row_count + 3] += 1; break;
-    case 28: MUTABLE(uint32_t, t->receiver_links)[0] |= CHIARO_LINK_NODE_MASK; break;
-    case 29: MUTABLE(float, t->receiver_scales)[0] = NAN; break;
+    case 23: MUTABLE(uint32_t, t->sample_links.nodes)[0] = t->node_count; break;
+    case 24: MUTABLE(float, t->sample_links.weights)[0] = INFINITY; break;
+    case 25: blocks[0].first_row = 1; break;
+    case 26: blocks[1].row_count += 1; break;
+    case 27: blocks[1].rank = CHIARO_BLOCK_RANK + 1; break;
+    case 28: MUTABLE(uint32_t, t->receiver_links.nodes)[0] = UINT32_MAX; break;
+    case 29: MUTABLE(float, t->receiver_links.weights)[0] = NAN; break;
     case 30: MUTABLE(uint32_t, t->vertex_receivers)[0] = t->receiver_count; break;
     case 31: MUTABLE(uint32_t, t->indices)[1] = t->vertex_count; break;
     case 32: MUTABLE(ChiaroVertex, t->vertices)[0].position[1] = INFINITY; break;
@@ -658,11 +658,14 @@ static bool tell_lie(uint32_t number, ChiaroFileHeader *header, const ChiaroTran
     case 35: MUTABLE(uint32_t, t->scene.indices)[0] = t->scene.vertex_count; break;
     case 36: MUTABLE(ChiaroLight, t->scene.lights)[0].type = 9; break;
     case 37: MUTABLE(ChiaroMaterial, t->scene.materials)[0].albedo_texture = 0; break;
-    case 38: header->info.sample_links = UINT32_MAX; break;
-    case 39: header->info.receiver_links += 1; break;
+    case 38: blocks[0].first_weight = t->sample_links.weight_count; break;
+    case 39: blocks[2].channels = 2; break;
     case 40: header->counts[0] = UINT64_MAX; break;
-    case 41: header->counts[18] = UINT64_MAX - 63; break; /* bytes of pixels */
+    case 41: header->counts[23] = UINT64_MAX - 63; break; /* bytes of pixels */
     case 42: header->size += 64; break;
+    case 43: blocks[0].first_share = UINT32_MAX; break;
+    case 44: blocks[1].first_node = t->sample_links.node_count; break;
+    case 45: header->counts[10] -= 1; break; /* blocks of the samples */
     default: return false;
     }
     return true;

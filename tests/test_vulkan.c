@@ -245,12 +245,12 @@ static void every_pass_gives_what_the_cpu_gives(void **state)
     assert_values("sky leaves", direct + 4 * (size_t)t->sample_count, expected + 3 * (size_t)t->sample_count,
                   t->sky_count, 0);
     assert_values("nodes", direct, expected, t->node_count, 1e-5);
-    chiaro_gather_samples(t, expected, bounce);
+    chiaro_links_gather(&t->sample_links, expected, bounce);
     for (uint32_t i = 0; i < 3 * t->sample_count; i++)
         expected[i] += t->samples[i / 3].albedo[i % 3] * bounce[i];
     chiaro_tree_sum(t, expected);
     assert_values("nodes, all bounces", total, expected, t->node_count, 1e-5);
-    chiaro_gather_receivers(t, expected, received);
+    chiaro_links_gather(&t->receiver_links, expected, received);
     assert_values("receivers", irradiance.mapped, received, t->receiver_count, 1e-5);
 
     free(expected);

@@ -269,12 +269,26 @@ typedef struct ChiaroNode {
     float area;      /**< Sum of leaf weights: m^2, sky: sr. */
 } ChiaroNode;
 
-/** Two words: node (18 bits) and red (14 bits, high) | green (16) and blue (16); signed fixed point, times the row's
- * scale. */
-typedef struct ChiaroLinkRgb {
-    uint32_t node_red;
-    uint32_t green_blue;
-} ChiaroLinkRgb;
+/** Neighbouring rows - samples, or receivers - that share their links (article: Pre-determined surface samples). They see
+ * much the same, so they gather together: pattern p collects the sum over the nodes of weight[p][node] * light[node], and row
+ * r receives the sum over the patterns of share[p][r] * pattern[p], never less than nothing.
+ * Source: Sloan, Hall, Hart, Snyder, "Clustered Principal Components for Precomputed Radiance Transfer", 2003. */
+typedef struct ChiaroBlock {
+    uint32_t first_row, row_count;   /**< At most 64 rows. */
+    uint32_t first_node, node_count; /**< Run of ChiaroLinks.nodes, a cut through the tree: at most 512. */
+    uint32_t first_weight; /**< Of ChiaroLinks.weights: [channel][pattern][node]. */
+    uint32_t first_share;  /**< Of ChiaroLinks.weights: [pattern][row]. */
+    uint32_t rank;         /**< Patterns: at most 16; 0: the rows are dark. */
+    uint32_t channels;     /**< 3, or 1: the same weights for red, green and blue. */
+} ChiaroBlock;
+
+/** Links of all samples, or of all receivers. Blocks follow each other and cover every row once. */
+typedef struct ChiaroLinks {
+    const ChiaroBlock *blocks;
+    const uint32_t *nodes;
+    const float *weights;
+    uint32_t block_count, node_count, weight_count;
+} ChiaroLinks;
 
 /** A place where bounce light is wanted. Vertices refer to receivers. */
 typedef struct ChiaroReceiver {
@@ -290,7 +304,8 @@ typedef struct ChiaroReceiver {
 
 /** What a bake was made with, and what it cost. */
 typedef struct ChiaroTransportInfo {
-    uint32_t sample_links, receiver_links; /**< K of the two kinds of rows. */
+    uint32_t links;                        /**< K as it was asked for. */
+    float sample_links, receiver_links;    /**< Multiply-adds a row and channel, as it came out. */
     uint32_t rays;                         /**< Per receiver. */
     uint32_t seed;
     uint32_t training_lights;
@@ -314,17 +329,14 @@ typedef struct ChiaroTransport {
     const float *leaf_weights; /**< Area, or solid angle, of each leaf. */
     const float *sky_directions; /**< Four floats a sky leaf: unit direction, and solid angle. */
     const ChiaroNode *nodes;
-    const ChiaroLinkRgb *sample_links; /**< One row for a few neighbouring samples. Layout: CHIARO_LINK_INDEX. */
-    const float *sample_scales; /**< Four floats a row: scale of red, green, blue; its first sample. One row more. */
     const ChiaroReceiver *receivers;
-    const uint32_t *receiver_links; /**< Node in the low 18 bits, signed weight in the high 14. Same layout. */
-    const float *receiver_scales;
+    ChiaroLinks sample_links;   /**< All bounces: from direct light at the nodes to irradiance at the samples. */
+    ChiaroLinks receiver_links; /**< Final gather: from all light at the nodes to irradiance at the receivers. */
     const ChiaroVertex *vertices; /**< The subdivided mesh that is drawn. */
     const uint32_t *vertex_receivers;
     const uint32_t *indices;
     const ChiaroPart *parts; /**< Runs of `indices`; as many and in the order of scene.parts. */
     uint32_t sample_count, point_count, sky_count, leaf_count, node_count, receiver_count, vertex_count, index_count;
-    uint32_t sample_row_count; /**< Rows of sample_links. */
     uint32_t small_node_end; /**< Nodes [leaf_count, small_node_end) cover at most CHIARO_SMALL_NODE leaves. */
     uint32_t part_count;
 } ChiaroTransport;
@@ -356,13 +368,10 @@ CHIARO_API void chiaro_sky_light(const ChiaroTransport *transport, const ChiaroS
  * @param values 3 * node_count floats; the first 3 * leaf_count are read, the rest written. @thread_safety any thread. */
 CHIARO_API void chiaro_tree_sum(const ChiaroTransport *transport, float *values);
 
-/** All bounces at the samples, from direct light at the nodes: irradiance by full-transport links.
- * @param values 3 * node_count floats. @param irradiance receives 3 * sample_count floats. @thread_safety any thread. */
-CHIARO_API void chiaro_gather_samples(const ChiaroTransport *transport, const float *values, float *irradiance);
-
-/** Indirect irradiance at the receivers, from total radiosity at the nodes: final-gather links.
- * @param values 3 * node_count floats. @param irradiance receives 3 * receiver_count floats. @thread_safety any thread. */
-CHIARO_API void chiaro_gather_receivers(const ChiaroTransport *transport, const float *values, float *irradiance);
+/** Irradiance of rows from light at the nodes. The CPU twin of gather.glsl.
+ * @param links of the samples (all bounces, from direct light) or of the receivers (final gather, from all light).
+ * @param values 3 * node_count floats. @param irradiance receives 3 floats a row. @thread_safety any thread. */
+CHIARO_API void chiaro_links_gather(const ChiaroLinks *links, const float *values, float *irradiance);
 
 /** The whole update on the CPU: direct light, sky, tree, sample gather, tree, receiver gather.
  * @param scratch 3 * (node_count + sample_count) floats. @param irradiance receives 3 * receiver_count floats.

@@ -12,7 +12,7 @@ extern "C" {
 #endif
 
 /** Limits of ChiaroBakeDesc. */
-#define CHIARO_MAX_LINKS 256u
+#define CHIARO_MAX_LINKS 128u
 #define CHIARO_MIN_SAMPLES 64u
 #define CHIARO_MAX_SAMPLES 65536u
 #define CHIARO_MAX_RAYS 65536u
@@ -24,7 +24,7 @@ typedef bool (*ChiaroProgressFunc)(const char *stage, float done, void *user);
 /** Zero means default. */
 typedef struct ChiaroBakeDesc {
     uint32_t struct_size; /**< sizeof(ChiaroBakeDesc). */
-    uint32_t links;       /**< K, links a row, 1 .. CHIARO_MAX_LINKS. Default 32. */
+    uint32_t links;       /**< K, multiply-adds a receiver, 1 .. CHIARO_MAX_LINKS. Default 32. */
     uint32_t samples;     /**< M, surface samples, CHIARO_MIN_SAMPLES .. CHIARO_MAX_SAMPLES. Default: from the scene. */
     uint32_t rays;        /**< Rays a receiver, 16 .. CHIARO_MAX_RAYS. Default: from the scene. */
     uint32_t receivers;   /**< About how many receivers; default: from the scene. */

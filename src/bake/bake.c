@@ -9,8 +9,6 @@
 
 /* Defaults where the caller leaves them to the scene. */
 enum { DEFAULT_LINKS = 32, DEFAULT_RAYS = 2048, LARGE_SCENE_RAYS = 256, LEAST_RECEIVERS = 4096, MOST_RECEIVERS = 32768 };
-/* Rows between samples serve several samples each, so they can afford this many times the links of a receiver. */
-enum { SAMPLE_LINKS_A_LINK = 4 };
 static const float RECEIVER_PART_OF_FREE_PATH = 0.055f;
 
 bool chiaro_bake_progress(float done, void *user)
@@ -59,8 +57,7 @@ static void resolve_from_scene(Baker *baker)
     d->rays = power_of_two(d->rays);
     baker->sample_rays = d->rays / 2 < 16 ? 16 : d->rays / 2;
     baker->info.rays = d->rays;
-    baker->info.receiver_links = d->links;
-    baker->info.sample_links = SAMPLE_LINKS_A_LINK * d->links > CHIARO_MAX_LINKS ? CHIARO_MAX_LINKS : SAMPLE_LINKS_A_LINK * d->links;
+    baker->info.links = d->links;
     baker->info.seed = d->seed;
     baker->info.clamped_materials = d->clamped_materials;
     for (uint32_t m = 0; m < baker->scene->material_count; m++)
@@ -89,7 +86,9 @@ static void release(Baker *baker)
                    baker->vertex_receivers, baker->indices, baker->parts, baker->receivers, baker->receiver_plane,
                    baker->column_channel, baker->direct, baker->total, baker->carried, baker->irradiance,
                    baker->clusters, baker->sample_cluster, baker->response[0], baker->response[1], baker->response[2],
-                   baker->sample_links, baker->sample_scales, baker->receiver_links, baker->receiver_scales};
+                   baker->receiver_blocks, baker->sample_links.blocks, baker->sample_links.nodes,
+                   baker->sample_links.weights, baker->receiver_links.blocks, baker->receiver_links.nodes,
+                   baker->receiver_links.weights};
     for (size_t k = 0; k < sizeof all / sizeof *all; k++)
         free(all[k]);
     chiaro_rays_destroy(baker->rays);

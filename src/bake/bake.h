@@ -5,7 +5,7 @@
  *   mesh       subdivision without T-junctions -> vertices and receivers
  *   training   lights that could be: their direct light on the samples
  *   solve      (I - rho F) B = x, many right-hand sides, at any albedo below 1
- *   links      a row -> K links: cut through the tree, weights fitted on the training lights, energy kept
+ *   links      rows -> blocks of links: patterns, a cut through the tree, weights fitted on the training lights, energy kept
  *   write      all of it -> one block of bytes
  */
 #ifndef CHIARO_BAKE_INTERNAL_H
@@ -48,6 +48,14 @@ typedef struct Patches {
     double area;
 } Patches;
 
+/* ChiaroLinks in the making. */
+typedef struct LinkTable {
+    ChiaroBlock *blocks;
+    uint32_t *nodes;
+    float *weights;
+    uint32_t block_count, node_count, weight_count;
+} LinkTable;
+
 /* Everything that the stages share. Arrays that end up in the file have the file's types. */
 typedef struct Baker {
     const ChiaroScene *scene;
@@ -66,7 +74,7 @@ typedef struct Baker {
     /* rows of the samples: entries row_first[i] .. row_first[i + 1] */
     size_t *row_first;
     RowEntry *rows;
-    uint32_t sample_rays, sample_row_count;
+    uint32_t sample_rays;
 
     /* drawn mesh */
     ChiaroVertex *vertices;
@@ -90,10 +98,8 @@ typedef struct Baker {
     uint32_t *clusters, *sample_cluster, cluster_count; /* nodes; the cluster of each sample */
     double *response[3];
 
-    ChiaroLinkRgb *sample_links;
-    float *sample_scales;
-    uint32_t *receiver_links;
-    float *receiver_scales;
+    uint32_t *receiver_blocks, receiver_block_count; /* first receiver of each block, and one more */
+    LinkTable sample_links, receiver_links;
     ChiaroTransportInfo info;
 
     const char *stage; /* progress: */
@@ -155,10 +161,6 @@ uint32_t chiaro_row_trace(const Baker *baker, Vec3 place, Vec3 normal, Vec3 plan
 /* The same for a run of samples: rays start all over their patches. */
 uint32_t chiaro_row_trace_samples(const Baker *baker, uint32_t first, uint32_t count, uint32_t rays, RowScratch *scratch,
                                   RowFacts *facts);
-
-/* --- solve.c --- */
-/* Adds what a row sends to each cluster to sums[cluster]: entries above clusters are shared out by area. */
-void chiaro_row_to_clusters(const Baker *baker, const RowEntry *row, size_t count, float *sums);
 
 /* --- training.c --- */
 /* Fills rows [leaf_count, node_count) of a nodes x columns table with the weighted means of the leaves' rows. */

@@ -1,163 +1,147 @@
-/* Links, fitted: a row of form factors becomes K (node, weight).
+/* Links, fitted: a block of neighbouring rows becomes a cut through the tree and a few patterns of light.
  *
- * 1. Cut. From the root down, always the node is opened whose inside matters most to this row: where the form factors and
- *    the light inside it vary together over the training lights, so that the mean of its light is not enough.
- *    It is made finer than K and then thinned out: see prune.c.
- * 2. Weights. Least squares over the training lights, pulled toward the form factors (a weight may move about as far as it
- *    is large), never negative, so that no light can make darkness.
- * 3. Energy. The weights are scaled to the row's sum, surfaces and sky apart: a uniform field comes out right.
+ * 1. Patterns. What the block receives under all training lights is, nearly, a mixture of a few patterns over its rows:
+ *    neighbours see much the same. The first pattern is what a uniform field gives (and the second what a uniform sky
+ *    gives), so that energy is kept; the others are the principal components of the rest.
+ * 2. Cut. Nodes of the tree that stand for all surfaces and sky that the block sees: made finer than can be paid (cut.c),
+ *    then thinned out (prune.c).
+ * 3. Weights, from each node to each pattern. Least squares over the training lights, pulled toward the form factors, and
+ *    exact for the uniform field and the uniform sky: a furnace comes out right.
+ *
+ * The idea of patterns: Sloan, Hall, Hart, Snyder, "Clustered Principal Components for Precomputed Radiance Transfer", 2003.
  */
 #include "fit.h"
 
+#include "../offline/random.h"
+#include "cut.h"
 #include "kernels.h"
+#include "linear.h"
 #include "prune.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_COLUMNS = 768, DESCENT_SWEEPS = 100, FINER_RECEIVERS = 3, FINER_SAMPLES = 1 };
+enum { MOST_COLUMNS = 2048, COLUMN_CHUNK = 256, LEVEL_STEP = 8, MOST_FIXED = 2 };
 
-/* Expected error of the fit, as a part of the row's light: the smaller, the further weights may leave the form factors. */
-static const float FIT_NOISE = 0.01f;
+/* Expected error of the fit, as a part of the block's light: the smaller, the further weights may leave the form factors. */
+static const double FIT_NOISE = 0.005;
 /* Products of light are this exact, being sums of floats. */
 static const double ROUNDING = 1e-6;
 /* Weights are this free: as a part of themselves plus a part of the mean weight. */
-static const float FREEDOM_OF_MEAN = 0.5f;
+static const double FREEDOM_OF_MEAN = 0.5;
 /* A training light counts by its brightness to this power, minus one: 1 would heed bright ones only, 0 all alike. */
 static const float LEVEL_POWER = 0.75f;
-/* Training lights below this part of the brightest do not count in a tile. */
+/* Training lights below this part of the brightest do not count in a block. */
 static const float LEAST_LEVEL = 1e-6f;
 /* Uniform light and the scene's own emitters count as much as this many training lights. */
 static const float SPECIAL_COLUMNS = 8;
+/* The first cut is this much finer than the one that is left. */
+static const double FINER = 2.5;
+/* Patterns that hold less than this part of a block's light, squared, are left out. */
+static const double LEAST_PATTERN = 1e-8;
 
-typedef struct Table {
-    const float *rows;
-    uint32_t *slot;    /* of each node in the arena; CHIARO_NONE: not there yet */
-    uint32_t *nodes, count, capacity;
-    float *arena;
-} Table;
-
-typedef struct Open {
-    uint32_t node;
-    float own[3];   /* weight of the entries inside, by channel */
-    float above[3]; /* its share, by area, of entries that hold it */
-    double cost;
-    float *light;  /* what the entries inside send, by column */
-} Open;
-
-struct Fitter {
+typedef struct FitScratch {
     FitTask task;
-    Table truth, feature;
-    uint32_t columns[MOST_COLUMNS + 3 * CHIARO_LANES];
-    float column_scale[MOST_COLUMNS + 3 * CHIARO_LANES];
-    uint32_t begin[4]; /* columns of each channel; multiples of CHIARO_LANES */
-    uint32_t width;
-    uint32_t fine; /* nodes of the first cut */
-    Open *open;
-    float (*prior)[3]; /* form factors of the nodes, by channel */
+    const FitRows *rows;
+    /* columns that count, channel by channel; each channel's begin at a multiple of CHIARO_LANES */
+    uint32_t *columns, begin[4], width, *order;
+    float *column_scale, *level, *chunk;
+    float *target;                    /* [row][width]: irradiance of the rows */
+    float *wanted;                    /* [pattern][width]: of the patterns */
+    float *light;                     /* [node of the cut][width]: feature */
+    float *form;                      /* [channel][pattern][leaf]: form factors of the patterns */
+    float *probes;                    /* [leaf][CUT_PROBES] */
+    float *clusters;                  /* [cluster] */
+    double *pattern;                  /* [pattern][row]: orthonormal */
+    double *gram, *vectors, *values;  /* rows x rows */
+    double *system, *ridge;           /* nodes x nodes */
+    double *prior;                    /* [pattern][node] */
+    double *right;                    /* [pattern][node]: right sides, then weights */
+    double *bound[MOST_FIXED];        /* light of the nodes under a uniform sky and a uniform field */
+    double uniform[MOST_FIXED][3][CHIARO_BLOCK_ROWS]; /* what the rows receive from them, by channel */
+    uint32_t sub_columns[CUT_COLUMNS];
+    float sub_scale[CUT_COLUMNS];
+    Cut *cut;
     Prune prune;
-    float *light_arena, *target, *scratch;
-    double *system, *right, *slope; /* normal equations; right sides of three channels */
-    uint32_t *order;
-    float *level;
-    /* the row at hand */
-    const RowEntry *entries;
-    uint32_t entry_count;
-    float *const *spread;
-};
+} FitScratch;
 
-static bool table_create(Table *table, const float *rows, uint32_t node_count)
+bool chiaro_fitter_create(const FitTask *task, Fitter *fitter)
 {
-    table->rows = rows;
-    table->slot = malloc(node_count * sizeof *table->slot);
-    table->nodes = malloc(node_count * sizeof *table->nodes);
-    if (table->slot)
-        memset(table->slot, 0xff, node_count * sizeof *table->slot);
-    return table->slot && table->nodes;
-}
-
-static void table_clear(Table *table)
-{
-    for (uint32_t k = 0; k < table->count; k++)
-        table->slot[table->nodes[k]] = CHIARO_NONE;
-    table->count = 0;
-}
-
-/* A node's light under the tile's training lights; NULL: out of memory. Good until the next call. */
-static const float *table_row(const Fitter *fitter, Table *table, uint32_t node)
-{
-    uint32_t width = fitter->width;
-    if (table->slot[node] == CHIARO_NONE) {
-        if (table->count == table->capacity) {
-            uint32_t wanted = table->capacity ? table->capacity * 2 : 1024;
-            float *grown = realloc(table->arena, (size_t)wanted * (MOST_COLUMNS + 3 * CHIARO_LANES) * sizeof *grown);
-            if (!grown)
-                return NULL;
-            table->arena = grown, table->capacity = wanted;
-        }
-        const float *from = table->rows + (size_t)node * fitter->task.baker->columns;
-        float *to = table->arena + (size_t)table->count * width;
-        for (uint32_t k = 0; k < width; k++)
-            to[k] = from[fitter->columns[k]] * fitter->column_scale[k];
-        table->nodes[table->count] = node;
-        table->slot[node] = table->count++;
-    }
-    return table->arena + (size_t)table->slot[node] * width;
-}
-
-Fitter *chiaro_fitter_create(const FitTask *task)
-{
-    Fitter *fitter = calloc(1, sizeof *fitter);
-    if (!fitter)
-        return NULL;
-    size_t most = MOST_COLUMNS + 3 * CHIARO_LANES;
-    bool receivers = task->channels == 1 && task->truth != task->feature;
-    fitter->task = *task;
-    fitter->fine = task->links * (receivers ? FINER_RECEIVERS : FINER_SAMPLES);
-    size_t k = fitter->fine + (size_t)1;
-    fitter->open = malloc(k * sizeof *fitter->open);
-    fitter->prior = malloc(k * sizeof *fitter->prior);
-    fitter->light_arena = malloc((k + 1) * most * sizeof *fitter->light_arena);
-    fitter->target = malloc(most * sizeof *fitter->target);
-    fitter->scratch = malloc(most * sizeof *fitter->scratch);
-    fitter->system = malloc(k * k * sizeof *fitter->system);
-    fitter->right = malloc(3 * k * sizeof *fitter->right);
-    fitter->slope = malloc(k * sizeof *fitter->slope);
-    fitter->order = malloc((task->baker->columns + k) * sizeof *fitter->order);
-    fitter->level = malloc(task->baker->columns * sizeof *fitter->level);
-    if (!table_create(&fitter->truth, task->truth, task->baker->node_count) ||
-        !table_create(&fitter->feature, task->feature, task->baker->node_count) ||
-        !chiaro_prune_create(&fitter->prune, task->baker, fitter->fine, task->channels) || !fitter->open ||
-        !fitter->prior || !fitter->right || !fitter->light_arena ||
-        !fitter->target || !fitter->scratch || !fitter->system || !fitter->slope || !fitter->order || !fitter->level) {
-        chiaro_fitter_destroy(fitter);
-        return NULL;
-    }
-    return fitter;
+    const Baker *baker = task->baker;
+    const size_t rows = CHIARO_BLOCK_ROWS, nodes = CHIARO_BLOCK_NODES, rank = CHIARO_BLOCK_RANK;
+    const size_t most = MOST_COLUMNS + 3 * CHIARO_LANES;
+    *fitter = (Fitter){.scratch = calloc(1, sizeof(FitScratch))};
+    FitScratch *s = fitter->scratch;
+    if (!s)
+        return false;
+    s->task = *task;
+    fitter->weights = malloc(task->channels * rank * nodes * sizeof *fitter->weights);
+    fitter->shares = malloc(rank * rows * sizeof *fitter->shares);
+    s->columns = malloc(most * sizeof *s->columns);
+    s->order = malloc(baker->columns * sizeof *s->order);
+    s->column_scale = malloc(most * sizeof *s->column_scale);
+    s->level = malloc(baker->columns * sizeof *s->level);
+    s->chunk = malloc(COLUMN_CHUNK * sizeof *s->chunk);
+    s->target = malloc(rows * most * sizeof *s->target);
+    s->wanted = malloc(rank * most * sizeof *s->wanted);
+    s->light = malloc(nodes * most * sizeof *s->light);
+    s->form = malloc(task->channels * rank * baker->leaf_count * sizeof *s->form);
+    s->probes = malloc((size_t)baker->leaf_count * CUT_PROBES * sizeof *s->probes);
+    s->clusters = malloc(baker->cluster_count * sizeof *s->clusters);
+    s->pattern = malloc(rank * rows * sizeof *s->pattern);
+    s->gram = malloc(rows * rows * sizeof *s->gram);
+    s->vectors = malloc(rows * rows * sizeof *s->vectors);
+    s->values = malloc(rows * sizeof *s->values);
+    s->system = malloc(nodes * nodes * sizeof *s->system);
+    s->ridge = malloc(nodes * sizeof *s->ridge);
+    s->prior = malloc(rank * nodes * sizeof *s->prior);
+    s->right = malloc(rank * nodes * sizeof *s->right);
+    s->bound[0] = malloc(nodes * sizeof(double));
+    s->bound[1] = malloc(nodes * sizeof(double));
+    s->cut = chiaro_cut_create(baker, CHIARO_BLOCK_NODES);
+    bool ready = chiaro_prune_create(&s->prune, baker, CHIARO_BLOCK_NODES, task->channels);
+    return ready && fitter->weights && fitter->shares && s->columns && s->order && s->column_scale && s->level && s->chunk &&
+           s->target && s->wanted && s->light && s->form && s->probes && s->clusters && s->pattern && s->gram &&
+           s->vectors && s->values && s->system && s->ridge && s->prior && s->right && s->bound[0] && s->bound[1] &&
+           s->cut;
 }
 
 void chiaro_fitter_destroy(Fitter *fitter)
 {
-    if (!fitter)
-        return;
-    Table *tables[2] = {&fitter->truth, &fitter->feature};
-    for (int t = 0; t < 2; t++) {
-        free(tables[t]->slot);
-        free(tables[t]->nodes);
-        free(tables[t]->arena);
+    FitScratch *s = fitter->scratch;
+    if (s) {
+        void *all[] = {s->columns, s->order, s->column_scale, s->level, s->chunk, s->target, s->wanted, s->light,
+                       s->form, s->probes, s->clusters, s->pattern, s->gram, s->vectors, s->values, s->system,
+                       s->ridge, s->prior, s->right, s->bound[0], s->bound[1]};
+        for (size_t k = 0; k < sizeof all / sizeof *all; k++)
+            free(all[k]);
+        chiaro_cut_destroy(s->cut);
+        chiaro_prune_destroy(&s->prune);
     }
-    free(fitter->light_arena);
-    free(fitter->target);
-    free(fitter->scratch);
-    free(fitter->system);
-    free(fitter->right);
-    free(fitter->slope);
-    free(fitter->open);
-    free(fitter->prior);
-    chiaro_prune_destroy(&fitter->prune);
-    free(fitter->order);
-    free(fitter->level);
-    free(fitter);
+    free(s);
+    free(fitter->weights);
+    free(fitter->shares);
+}
+
+/* --- training lights and targets --- */
+
+/* How bright the block is under each training light: a few of its rows are enough to tell. */
+static void measure_level(FitScratch *s)
+{
+    const FitRows *rows = s->rows;
+    uint32_t columns = s->task.baker->columns;
+    memset(s->level, 0, columns * sizeof *s->level);
+    for (uint32_t r = 0; r < rows->count; r += LEVEL_STEP) {
+        const float *form = rows->form + (size_t)r * rows->leaf_count;
+        if (rows->target[r]) {
+            chiaro_axpy(s->level, 1, rows->target[r], columns);
+            continue;
+        }
+        for (uint32_t l = 0; l < rows->leaf_count; l++) {
+            if (form[l] > 0)
+                chiaro_axpy(s->level, form[l], s->task.truth + (size_t)rows->leaves[l] * columns, columns);
+        }
+    }
 }
 
 static int compare_levels(const void *a, const void *b, void *user)
@@ -169,392 +153,439 @@ static int compare_levels(const void *a, const void *b, void *user)
     return x < y ? -1 : x > y;
 }
 
-bool chiaro_fitter_begin_tile(Fitter *fitter, const float *level)
+static void take_column(FitScratch *s, uint32_t column, float scale)
 {
-    const Baker *baker = fitter->task.baker;
-    uint32_t groups = fitter->task.channels;
-    table_clear(&fitter->truth);
-    table_clear(&fitter->feature);
-    fitter->width = 0;
+    s->columns[s->width] = column;
+    s->column_scale[s->width++] = scale;
+}
+
+/* The training lights that matter to the block, the brightest first, then the special ones. */
+static void choose_columns(FitScratch *s)
+{
+    const Baker *baker = s->task.baker;
+    uint32_t groups = s->task.channels;
+    s->width = 0;
     for (uint32_t c = 0; c < groups; c++) {
-        uint32_t count = 0, first = fitter->width;
+        uint32_t count = 0, first = s->width, room = MOST_COLUMNS / groups / CHIARO_LANES * CHIARO_LANES - CHIARO_LANES;
         for (uint32_t t = 0; t < baker->used_columns; t++) {
-            if (groups == 1 || baker->column_channel[t] == c || (baker->grey && t < baker->emitter_column))
-                fitter->order[count++] = t;
+            if (groups == 1 || baker->column_channel[t] == c)
+                s->order[count++] = t;
         }
-        qsort_r(fitter->order, count, sizeof *fitter->order, compare_levels, (void *)(uintptr_t)level);
-        float brightest = count ? level[fitter->order[0]] : 0, mean = 0;
-        uint32_t room = MOST_COLUMNS / groups / CHIARO_LANES * CHIARO_LANES;
-        fitter->begin[c] = first;
-        for (uint32_t k = 0; k < count && fitter->width - first < room; k++) {
-            uint32_t t = fitter->order[k];
-            if (t >= baker->emitter_column || !(level[t] > LEAST_LEVEL * brightest) || !(level[t] > LEAST_LEVEL * LEAST_LEVEL))
+        qsort_r(s->order, count, sizeof *s->order, compare_levels, s->level);
+        float least = count ? LEAST_LEVEL * s->level[s->order[0]] : 0, mean = 0;
+        s->begin[c] = first;
+        for (uint32_t k = 0; k < count && s->width - first < room; k++) {
+            uint32_t t = s->order[k];
+            if (t >= baker->emitter_column || !(s->level[t] > least) || !(s->level[t] > LEAST_LEVEL * LEAST_LEVEL))
                 continue;
-            fitter->columns[fitter->width] = t;
-            fitter->column_scale[fitter->width] = powf(level[t], LEVEL_POWER - 1);
-            mean += level[t] * fitter->column_scale[fitter->width];
-            fitter->width++;
+            float scale = powf(s->level[t], LEVEL_POWER - 1);
+            mean += s->level[t] * scale;
+            take_column(s, t, scale);
         }
-        mean = fitter->width > first ? mean / (float)(fitter->width - first) : 1;
+        mean = s->width > first ? mean / (float)(s->width - first) : 1;
         for (uint32_t k = 0; k < count; k++) {
-            uint32_t t = fitter->order[k];
-            if (t < baker->emitter_column || !(level[t] > LEAST_LEVEL))
-                continue;
-            fitter->columns[fitter->width] = t;
-            fitter->column_scale[fitter->width++] = sqrtf(SPECIAL_COLUMNS) * mean / level[t];
+            uint32_t t = s->order[k];
+            if (t >= baker->emitter_column && s->level[t] > LEAST_LEVEL)
+                take_column(s, t, sqrtf(SPECIAL_COLUMNS) * mean / s->level[t]);
         }
-        while (fitter->width % CHIARO_LANES) {
-            fitter->columns[fitter->width] = 0;
-            fitter->column_scale[fitter->width++] = 0;
-        }
+        while (s->width % CHIARO_LANES)
+            take_column(s, 0, 0);
     }
     for (uint32_t c = groups; c < 4; c++)
-        fitter->begin[c] = fitter->width;
-    return true;
+        s->begin[c] = s->width;
 }
 
-/* First entry that begins at `leaf` or later. */
-static uint32_t entry_at(const Fitter *fitter, uint32_t leaf)
+static void load_light(const FitScratch *s, const float *table_row, uint32_t first, uint32_t count, float *out)
 {
-    uint32_t low = 0, high = fitter->entry_count;
-    while (low < high) {
-        uint32_t middle = low + (high - low) / 2;
-        if (fitter->task.baker->nodes[fitter->entries[middle].node].first < leaf)
-            low = middle + 1;
+    for (uint32_t k = 0; k < count; k++)
+        out[k] = table_row[s->columns[first + k]] * s->column_scale[first + k];
+}
+
+/* Irradiance of the rows under the columns that count. */
+static void collect_target(FitScratch *s)
+{
+    const FitRows *rows = s->rows;
+    size_t columns = s->task.baker->columns;
+    for (uint32_t r = 0; r < rows->count; r++) {
+        if (rows->target[r])
+            load_light(s, rows->target[r], 0, s->width, s->target + (size_t)r * s->width);
         else
-            high = middle;
+            memset(s->target + (size_t)r * s->width, 0, s->width * sizeof *s->target);
     }
-    return low;
-}
-
-/* Adds the light that an entry sends, if it lies inside the node; one that holds the node stands in `above` already. */
-static bool add_light(Fitter *fitter, Open *open, uint32_t entry, const float weight[3])
-{
-    if (fitter->task.baker->nodes[entry].count > fitter->task.baker->nodes[open->node].count)
-        return true;
-    const float *row = table_row(fitter, &fitter->truth, entry);
-    if (!row)
-        return false;
-    for (uint32_t c = 0; c < fitter->task.channels; c++) {
-        uint32_t begin = fitter->begin[c], count = fitter->begin[c + 1] - begin;
-        chiaro_axpy(open->light + begin, weight[c], row + begin, count);
-        open->own[c] += weight[c];
-    }
-    return true;
-}
-
-/* What is lost if a node's mean stands for the entries inside it. */
-static bool measure_cost(Fitter *fitter, Open *open)
-{
-    open->cost = 0;
-    if (fitter->task.baker->nodes[open->node].count == 1)
-        return true;
-    const float *mean = table_row(fitter, &fitter->truth, open->node);
-    if (!mean)
-        return false;
-    for (uint32_t c = 0; c < fitter->task.channels; c++) {
-        uint32_t begin = fitter->begin[c], count = fitter->begin[c + 1] - begin;
-        memcpy(fitter->scratch, open->light + begin, count * sizeof *fitter->scratch);
-        chiaro_axpy(fitter->scratch, -open->own[c], mean + begin, count);
-        open->cost += chiaro_dot(fitter->scratch, fitter->scratch, count);
-    }
-    return true;
-}
-
-/* Light and weight of the entries inside a node, and what is lost if the node's mean stands for them. */
-static bool open_node(Fitter *fitter, Open *open, uint32_t node, const float above[3])
-{
-    const Baker *baker = fitter->task.baker;
-    const ChiaroNode *n = &baker->nodes[node];
-    open->node = node;
-    memset(open->light, 0, fitter->width * sizeof *open->light);
-    for (int c = 0; c < 3; c++)
-        open->own[c] = 0, open->above[c] = above[c];
-    uint32_t first = entry_at(fitter, n->first), end = entry_at(fitter, n->first + n->count);
-    for (uint32_t e = first; e < end; e++) {
-        float weight[3] = {fitter->entries[e].weight, fitter->entries[e].weight, fitter->entries[e].weight};
-        if (!add_light(fitter, open, fitter->entries[e].node, weight))
-            return false;
-    }
-    if (fitter->spread && n->first < baker->sample_count) {
-        for (uint32_t i = baker->sample_cluster[n->first]; i < baker->cluster_count; i++) {
-            const ChiaroNode *cluster = &baker->nodes[baker->clusters[i]];
-            if (cluster->first >= n->first + n->count)
-                break;
-            float weight[3] = {fitter->spread[0][i], fitter->spread[1][i], fitter->spread[2][i]};
-            if (!add_light(fitter, open, baker->clusters[i], weight))
-                return false;
-        }
-    }
-    return measure_cost(fitter, open);
-}
-
-/* Opens the smaller child of a receiver's node; the larger one keeps what is left of the parent's light, in the parent's
- * place. (A receiver's entries are leaves, so all of the parent's light is in its children.) */
-static bool open_children(Fitter *fitter, Open *parent, Open *spare)
-{
-    const float none[3] = {0, 0, 0};
-    const ChiaroNode *nodes = fitter->task.baker->nodes, *node = &nodes[parent->node];
-    uint32_t first = entry_at(fitter, node->first), end = entry_at(fitter, node->first + node->count);
-    uint32_t middle = entry_at(fitter, nodes[node->right].first);
-    bool left_smaller = middle - first <= end - middle;
-    uint32_t smaller = left_smaller ? node->left : node->right, larger = left_smaller ? node->right : node->left;
-    if (!open_node(fitter, spare, smaller, none))
-        return false;
-    chiaro_axpy(parent->light, -1, spare->light, fitter->width);
-    parent->node = larger, parent->own[0] = 0;
-    for (uint32_t e = left_smaller ? middle : first; e < (left_smaller ? end : middle); e++)
-        parent->own[0] += fitter->entries[e].weight;
-    return measure_cost(fitter, parent);
-}
-
-/* What a child inherits by its share of the area: from what its parent inherited, and from a cluster that the parent is. */
-static void inherit(const Fitter *fitter, const Open *open, uint32_t child, float above[3])
-{
-    const Baker *baker = fitter->task.baker;
-    const ChiaroNode *parent = &baker->nodes[open->node];
-    float share = baker->nodes[child].area / parent->area;
-    uint32_t cluster = CHIARO_NONE;
-    if (fitter->spread && parent->first < baker->sample_count) {
-        cluster = baker->sample_cluster[parent->first];
-        const ChiaroNode *node = &baker->nodes[baker->clusters[cluster]];
-        if (node->first != parent->first || node->count != parent->count)
-            cluster = CHIARO_NONE;
-    }
-    for (int c = 0; c < 3; c++)
-        above[c] = share * (open->above[c] + (cluster != CHIARO_NONE ? fitter->spread[c][cluster] : 0));
-}
-
-/* True if nothing at all comes from a node. */
-static bool is_dark(const Open *open)
-{
-    return !(open->own[0] + open->own[1] + open->own[2] + open->above[0] + open->above[1] + open->above[2] > 0);
-}
-
-/* The cut: opens nodes until there are K. Returns how many there are; 0: out of memory. */
-static uint32_t cut(Fitter *fitter)
-{
-    const Baker *baker = fitter->task.baker;
-    const float none[3] = {0, 0, 0};
-    uint32_t count = 0;
-    for (uint32_t k = 0; k <= fitter->fine; k++)
-        fitter->open[k].light = fitter->light_arena + (size_t)k * (MOST_COLUMNS + 3 * CHIARO_LANES);
-    if (!open_node(fitter, &fitter->open[count++], baker->root, none))
-        return 0;
-    for (;;) {
-        uint32_t worst = 0;
-        for (uint32_t k = 1; k < count; k++) {
-            if (fitter->open[k].cost > fitter->open[worst].cost)
-                worst = k;
-        }
-        /* Sky and surfaces keep their own energy, so the root is always opened. */
-        bool halves = fitter->open[worst].node == baker->root && baker->sky_count && fitter->fine > 1;
-        if (count >= fitter->fine || (!(fitter->open[worst].cost > 0) && !halves))
-            return count;
-        Open *left = &fitter->open[count], *right = &fitter->open[worst];
-        if (fitter->spread) {
-            Open parent = *right;
-            const ChiaroNode *node = &baker->nodes[parent.node];
-            float above[3];
-            inherit(fitter, &parent, node->left, above);
-            if (!open_node(fitter, left, node->left, above))
-                return 0;
-            inherit(fitter, &parent, node->right, above);
-            if (!open_node(fitter, right, node->right, above))
-                return 0;
-        } else if (!open_children(fitter, right, left)) {
-            return 0;
-        }
-        if (is_dark(right) && !is_dark(left)) {
-            Open swap = *right;
-            *right = *left;
-            *left = swap;
-        } else if (!is_dark(left)) {
-            count++;
+    if (rows->target[0])
+        return;
+    for (uint32_t first = 0; first < s->width; first += COLUMN_CHUNK) {
+        uint32_t count = s->width - first < COLUMN_CHUNK ? s->width - first : COLUMN_CHUNK;
+        for (uint32_t l = 0; l < rows->leaf_count; l++) {
+            load_light(s, s->task.truth + rows->leaves[l] * columns, first, count, s->chunk);
+            for (uint32_t r = 0; r < rows->count; r++) {
+                float weight = rows->form[(size_t)r * rows->leaf_count + l];
+                if (weight > 0)
+                    chiaro_axpy(s->target + (size_t)r * s->width + first, weight, s->chunk, count);
+            }
         }
     }
 }
 
-/* Least squares under x >= 0, on the normal equations A x = b, by coordinate descent from x: each step is exact in one
- * unknown, so the error only falls. */
-static void descend(const Fitter *fitter, uint32_t n, const double *b, double *x)
+/* --- patterns --- */
+
+/* The first of the three columns of the uniform sky (0) and the uniform field (1). */
+static uint32_t uniform_column(const FitScratch *s, uint32_t u)
 {
-    const double *a = fitter->system;
-    double *slope = fitter->slope; /* A x - b */
+    return u ? s->task.baker->uniform_column : s->task.baker->uniform_sky_column;
+}
+
+/* What the rows receive from a uniform sky and a uniform field. */
+static void collect_uniform(FitScratch *s)
+{
+    const FitRows *rows = s->rows;
+    size_t columns = s->task.baker->columns;
+    memset(s->uniform, 0, sizeof s->uniform);
+    for (uint32_t u = s->task.baker->sky_count ? 0 : 1; u < MOST_FIXED; u++) {
+        for (uint32_t c = 0; c < s->task.channels; c++) {
+            uint32_t column = uniform_column(s, u) + c;
+            for (uint32_t r = 0; r < rows->count; r++) {
+                const float *form = rows->form + (size_t)r * rows->leaf_count;
+                double *sum = &s->uniform[u][c][r];
+                if (rows->target[r])
+                    *sum = rows->target[r][column];
+                for (uint32_t l = 0; l < rows->leaf_count && !rows->target[r]; l++)
+                    *sum += (double)form[l] * s->task.truth[rows->leaves[l] * columns + column];
+            }
+        }
+    }
+}
+
+/* Makes `vector` a unit vector across the patterns before it. False: nothing of it is left. */
+static bool orthonormalize(double *patterns, uint32_t count, uint32_t rows)
+{
+    double *vector = patterns + (size_t)count * rows, before = 0, after = 0;
+    for (uint32_t r = 0; r < rows; r++)
+        before += vector[r] * vector[r];
+    for (uint32_t p = 0; p < count; p++) {
+        double along = 0;
+        for (uint32_t r = 0; r < rows; r++)
+            along += vector[r] * patterns[(size_t)p * rows + r];
+        for (uint32_t r = 0; r < rows; r++)
+            vector[r] -= along * patterns[(size_t)p * rows + r];
+    }
+    for (uint32_t r = 0; r < rows; r++)
+        after += vector[r] * vector[r];
+    for (uint32_t r = 0; r < rows; r++)
+        vector[r] /= after > 0 ? sqrt(after) : 1;
+    return after > 1e-6 * before && after > 0;
+}
+
+/* Takes from the Gram matrix all that lies along a unit vector. */
+static void deflate(double *gram, uint32_t n, const double *unit, double *along)
+{
+    double twice = 0;
     for (uint32_t i = 0; i < n; i++) {
-        slope[i] = -b[i];
+        along[i] = 0;
         for (uint32_t j = 0; j < n; j++)
-            slope[i] += a[(size_t)i * n + j] * x[j];
+            along[i] += gram[(size_t)i * n + j] * unit[j];
+        twice += along[i] * unit[i];
     }
-    for (int sweep = 0; sweep < DESCENT_SWEEPS; sweep++) {
-        double moved = 0, size = 0;
-        for (uint32_t i = 0; i < n; i++) {
-            const double *row = a + (size_t)i * n;
-            double next = fmax(0, x[i] - slope[i] / row[i]), step = next - x[i];
-            size += next * next, moved += step * step;
-            if (step == 0)
-                continue;
-            x[i] = next;
-            for (uint32_t j = 0; j < n; j++)
-                slope[j] += row[j] * step;
-        }
-        if (moved < 1e-8 * size)
-            break;
+    for (uint32_t i = 0; i < n; i++) {
+        for (uint32_t j = 0; j < n; j++)
+            gram[(size_t)i * n + j] += twice * unit[i] * unit[j] - along[i] * unit[j] - unit[i] * along[j];
     }
 }
 
-/* Normal equations A x = b of one channel: ridge regression about the form factors. */
-static bool normal_equations(Fitter *fitter, uint32_t channel, const uint32_t *nodes, uint32_t n, double *b)
+/* Chooses at most `most` patterns. Returns their number. */
+static uint32_t choose_patterns(FitScratch *s, uint32_t most)
 {
-    uint32_t begin = fitter->begin[channel], count = fitter->begin[channel + 1] - begin;
+    uint32_t n = s->rows->count, count = 0;
+    double all = 0;
+    for (uint32_t i = 0; i < n; i++) {
+        for (uint32_t j = 0; j <= i; j++)
+            s->gram[(size_t)i * n + j] = s->gram[(size_t)j * n + i] =
+                chiaro_dot(s->target + (size_t)i * s->width, s->target + (size_t)j * s->width, s->width);
+        all += s->gram[(size_t)i * n + i];
+    }
+    if (!(all > 0))
+        return 0;
+    for (uint32_t u = MOST_FIXED; u-- > 0 && count < most;) {
+        double *vector = s->pattern + (size_t)count * n;
+        for (uint32_t r = 0; r < n; r++) {
+            vector[r] = 0;
+            for (uint32_t c = 0; c < s->task.channels; c++)
+                vector[r] += s->uniform[u][c][r];
+        }
+        if (orthonormalize(s->pattern, count, n))
+            deflate(s->gram, n, s->pattern + (size_t)count++ * n, s->values);
+    }
+    chiaro_symmetric_eigen(s->gram, n, s->vectors, s->values);
+    for (uint32_t k = 0; k < n && count < most && s->values[k] > LEAST_PATTERN * all; k++) {
+        memcpy(s->pattern + (size_t)count * n, s->vectors + (size_t)k * n, n * sizeof *s->pattern);
+        count += orthonormalize(s->pattern, count, n);
+    }
+    return count;
+}
+
+/* What the patterns want to receive. */
+static void collect_wanted(FitScratch *s, uint32_t rank)
+{
+    uint32_t n = s->rows->count;
+    memset(s->wanted, 0, (size_t)rank * s->width * sizeof *s->wanted);
+    for (uint32_t p = 0; p < rank; p++) {
+        for (uint32_t r = 0; r < n; r++)
+            chiaro_axpy(s->wanted + (size_t)p * s->width, (float)s->pattern[(size_t)p * n + r],
+                        s->target + (size_t)r * s->width, s->width);
+    }
+}
+
+/* --- form factors of the patterns --- */
+
+/* Adds what reaches a pattern from each leaf after more than one bounce: its first bounce, in clusters, through the coarse
+ * response, less the first bounce itself. */
+static void spread_light(const FitScratch *s, uint32_t channel, const float *first_bounce, float *form)
+{
+    const Baker *baker = s->task.baker;
+    const FitRows *rows = s->rows;
+    uint32_t n = baker->cluster_count;
+    const double *response = baker->response[channel];
+    memset(s->clusters, 0, n * sizeof *s->clusters);
+    for (uint32_t l = 0; l < rows->leaf_count && rows->leaves[l] < baker->sample_count; l++)
+        s->clusters[baker->sample_cluster[rows->leaves[l]]] += first_bounce[l];
+    for (uint32_t j = 0; j < n; j++) {
+        const ChiaroNode *cluster = &baker->nodes[baker->clusters[j]];
+        double all = -s->clusters[j];
+        for (uint32_t i = 0; i < n; i++)
+            all += s->clusters[i] * response[(size_t)i * n + j];
+        float share = (float)(all / cluster->area);
+        /* All samples are leaves of such a block, so that places are numbers. */
+        for (uint32_t l = cluster->first; l < cluster->first + cluster->count; l++)
+            form[l] += share * baker->leaf_weights[l];
+    }
+}
+
+static void collect_form(FitScratch *s, uint32_t rank)
+{
+    const FitRows *rows = s->rows;
+    uint32_t leaves = rows->leaf_count;
+    size_t plane = (size_t)rank * leaves;
+    memset(s->form, 0, plane * sizeof *s->form);
+    for (uint32_t r = 0; r < rows->count; r++) {
+        const float *row = rows->form + (size_t)r * leaves;
+        for (uint32_t p = 0; p < rank; p++) {
+            float part = (float)s->pattern[(size_t)p * rows->count + r], *form = s->form + (size_t)p * leaves;
+            for (uint32_t l = 0; l < leaves; l++)
+                form[l] += part * row[l];
+        }
+    }
+    if (!s->task.all_bounces)
+        return;
+    for (uint32_t c = s->task.channels; c-- > 0;) {
+        for (uint32_t p = 0; p < rank; p++) {
+            float *first = s->form + (size_t)p * leaves, *all = s->form + c * plane + (size_t)p * leaves;
+            if (c > 0)
+                memcpy(all, first, leaves * sizeof *all);
+            spread_light(s, c, first, all);
+        }
+    }
+}
+
+/* --- cut --- */
+
+static uint32_t make_cut(FitScratch *s, uint32_t rank, uint32_t most, uint64_t seed, uint32_t *nodes)
+{
+    const FitRows *rows = s->rows;
+    ChiaroRandom random = chiaro_random_seed(seed, 0xc07);
+    uint32_t leaves = rows->leaf_count, step = (s->width + CUT_COLUMNS - 1) / CUT_COLUMNS, count = 0;
+    memset(s->probes, 0, (size_t)leaves * CUT_PROBES * sizeof *s->probes);
+    for (uint32_t p = 0; p < rank; p++) {
+        uint32_t bits = chiaro_random_bits(&random);
+        for (uint32_t c = 0; c < s->task.channels; c++) {
+            const float *form = s->form + ((size_t)c * rank + p) * leaves;
+            for (uint32_t l = 0; l < leaves; l++) {
+                for (uint32_t k = 0; k < CUT_PROBES; k++)
+                    s->probes[(size_t)l * CUT_PROBES + k] += bits >> k & 1 ? form[l] : -form[l];
+            }
+        }
+    }
+    for (uint32_t k = 0; k < s->width; k += step, count++)
+        s->sub_columns[count] = s->columns[k], s->sub_scale[count] = s->column_scale[k];
+    for (; count % CHIARO_LANES; count++)
+        s->sub_columns[count] = 0, s->sub_scale[count] = 0;
+    CutTask task = {rows->leaves, leaves, s->probes, s->task.truth, s->sub_columns, s->sub_scale, count};
+    return chiaro_cut_make(s->cut, &task, most, nodes);
+}
+
+/* --- weights --- */
+
+/* Form factors of the cut's nodes: the sum of their leaves'. */
+static void collect_prior(FitScratch *s, uint32_t channel, uint32_t rank, const uint32_t *nodes, uint32_t count)
+{
+    const FitRows *rows = s->rows;
+    const ChiaroNode *all = s->task.baker->nodes;
+    memset(s->prior, 0, (size_t)rank * count * sizeof *s->prior);
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t first = all[nodes[i]].first, l = 0, high = rows->leaf_count;
+        while (l < high) {
+            uint32_t middle = l + (high - l) / 2;
+            if (rows->leaves[middle] < first)
+                l = middle + 1;
+            else
+                high = middle;
+        }
+        for (; l < rows->leaf_count && rows->leaves[l] < first + all[nodes[i]].count; l++) {
+            for (uint32_t p = 0; p < rank; p++)
+                s->prior[(size_t)p * count + i] += s->form[((size_t)channel * rank + p) * rows->leaf_count + l];
+        }
+    }
+}
+
+/* Normal equations of one channel, ridge regression about the form factors: the matrix (its lower triangle) in `system`, the
+ * right sides in `right`. */
+static void normal_equations(FitScratch *s, uint32_t channel, uint32_t rank, uint32_t n)
+{
+    uint32_t begin = s->begin[channel], width = s->begin[channel + 1] - begin;
     double mean = 0;
+    memset(s->ridge, 0, n * sizeof *s->ridge);
+    for (uint32_t p = 0; p < rank; p++) {
+        const float *wanted = s->wanted + (size_t)p * s->width + begin;
+        double size = sqrt((double)chiaro_dot(wanted, wanted, width));
+        for (uint32_t i = 0; i < n && size > 0; i++)
+            s->ridge[i] += fabs(s->prior[(size_t)p * n + i]) / size;
+    }
+    for (uint32_t i = 0; i < n; i++)
+        mean += s->ridge[i] / n;
     for (uint32_t i = 0; i < n; i++) {
-        if (!table_row(fitter, &fitter->feature, nodes[i]))
-            return false;
-        mean += fitter->prior[i][channel];
+        double freedom = s->ridge[i] + FREEDOM_OF_MEAN * mean;
+        s->ridge[i] = freedom > 0 ? FIT_NOISE * FIT_NOISE / (freedom * freedom) : 1;
     }
-    mean /= n;
-    double energy = chiaro_dot(fitter->target + begin, fitter->target + begin, count);
-    double noise = (double)FIT_NOISE * FIT_NOISE * energy;
     for (uint32_t i = 0; i < n; i++) {
-        const float *row = table_row(fitter, &fitter->feature, nodes[i]) + begin;
-        for (uint32_t j = 0; j <= i; j++) {
-            const float *other = table_row(fitter, &fitter->feature, nodes[j]) + begin;
-            fitter->system[(size_t)i * n + j] = fitter->system[(size_t)j * n + i] = chiaro_dot(row, other, count);
-        }
-        double prior = fitter->prior[i][channel], freedom = prior + FREEDOM_OF_MEAN * mean;
-        double ridge = freedom > 0 ? noise / (freedom * freedom) : 1;
-        b[i] = chiaro_dot(row, fitter->target + begin, count) + ridge * prior;
-        fitter->system[(size_t)i * n + i] *= 1 + ROUNDING;
-        fitter->system[(size_t)i * n + i] += ridge + 1e-30;
-    }
-    return true;
-}
-
-/* Prior of nodes that are unions of some of the fine cut's: form factors add up. */
-static void gather_prior(const Fitter *fitter, uint32_t fine, const uint32_t *nodes, uint32_t count, float (*prior)[3])
-{
-    const ChiaroNode *all = fitter->task.baker->nodes;
-    memset(prior, 0, count * sizeof *prior);
-    for (uint32_t k = 0; k < count; k++) {
-        for (uint32_t i = 0; i < fine; i++) {
-            const Open *open = &fitter->open[i];
-            if (all[open->node].first - all[nodes[k]].first >= all[nodes[k]].count)
-                continue;
-            for (int c = 0; c < 3; c++)
-                prior[k][c] += open->own[c] + open->above[c];
-        }
+        const float *row = s->light + (size_t)i * s->width + begin;
+        for (uint32_t j = 0; j <= i; j++)
+            s->system[(size_t)i * n + j] = chiaro_dot(row, s->light + (size_t)j * s->width + begin, width);
+        s->system[(size_t)i * n + i] = s->system[(size_t)i * n + i] * (1 + ROUNDING) + s->ridge[i] + 1e-30;
+        for (uint32_t p = 0; p < rank; p++)
+            s->right[(size_t)p * n + i] =
+                chiaro_dot(row, s->wanted + (size_t)p * s->width + begin, width) + s->ridge[i] * s->prior[(size_t)p * n + i];
     }
 }
 
-/* Leaves K of the n nodes of the fine cut, those that serve the fit best. */
-static bool thin_out(Fitter *fitter, uint32_t n)
+static void load_nodes(FitScratch *s, const uint32_t *nodes, uint32_t n)
 {
-    Prune *prune = &fitter->prune;
-    uint32_t channels = fitter->task.channels, kept = 0;
-    for (uint32_t c = 0; c < channels; c++) {
-        double *b = fitter->right + (size_t)c * fitter->fine, *x = prune->weights[c];
-        if (!normal_equations(fitter, c, prune->nodes, n, b))
-            return false;
-        for (uint32_t i = 0; i < n; i++) {
-            x[i] = fitter->prior[i][c];
-            memcpy(prune->inverse[c] + (size_t)i * fitter->fine, fitter->system + (size_t)i * n, n * sizeof(double));
-        }
-        descend(fitter, n, b, x);
-    }
-    /* What is zero already in the best fit goes at once; the rest moves together. */
-    for (uint32_t i = 0; i < n; i++) {
-        bool keep = false;
-        for (uint32_t c = 0; c < channels; c++)
-            keep = keep || prune->weights[c][i] > 0;
-        if (keep || kept + n - i <= fitter->task.links)
-            fitter->order[kept++] = i;
-    }
-    for (uint32_t c = 0; c < channels; c++) {
-        double *p = prune->inverse[c], *b = fitter->right + (size_t)c * fitter->fine, *x = prune->weights[c];
-        for (uint32_t i = 0; i < kept; i++) {
-            for (uint32_t j = 0; j < kept; j++)
-                p[(size_t)i * fitter->fine + j] = p[(size_t)fitter->order[i] * fitter->fine + fitter->order[j]];
-            b[i] = b[fitter->order[i]];
-        }
-        chiaro_prune_invert(p, kept, fitter->fine);
-        for (uint32_t i = 0; i < kept; i++) {
-            x[i] = 0;
-            for (uint32_t j = 0; j < kept; j++)
-                x[i] += p[(size_t)i * fitter->fine + j] * b[j];
-        }
-    }
-    for (uint32_t i = 0; i < kept; i++)
-        prune->nodes[i] = prune->nodes[fitter->order[i]];
-    prune->count = kept;
-    chiaro_prune(prune, fitter->task.links);
-    gather_prior(fitter, n, prune->nodes, prune->count, fitter->prior);
-    return true;
+    for (uint32_t i = 0; i < n; i++)
+        load_light(s, s->task.feature + (size_t)nodes[i] * s->task.baker->columns, 0, s->width, s->light + (size_t)i * s->width);
 }
 
-/* Scales the weights so that surfaces and sky each add up to what the row receives from a uniform field. */
-static void keep_energy(const Fitter *fitter, const float energy[2], uint32_t channel, FitLinks *links)
+/* Leaves `most` of n nodes. Returns how many there are. */
+static uint32_t thin_out(FitScratch *s, uint32_t rank, uint32_t *nodes, uint32_t n, uint32_t most)
 {
-    const Baker *baker = fitter->task.baker;
-    float *weights = links->weights[channel];
-    for (int sky = 0; sky < 2; sky++) {
-        double sum = 0, prior_sum = 0;
-        for (uint32_t k = 0; k < links->count; k++) {
-            if ((baker->nodes[links->nodes[k]].first >= baker->sample_count) == sky)
-                sum += weights[k], prior_sum += fitter->prior[k][channel];
+    Prune *prune = &s->prune;
+    if (n <= most)
+        return n;
+    load_nodes(s, nodes, n);
+    memcpy(prune->nodes, nodes, n * sizeof *nodes);
+    prune->count = n, prune->rank = rank;
+    for (uint32_t c = 0; c < s->task.channels; c++) {
+        collect_prior(s, c, rank, nodes, n);
+        normal_equations(s, c, rank, n);
+        chiaro_prune_set(prune, c, s->system, s->right);
+    }
+    chiaro_prune(prune, most);
+    memcpy(nodes, prune->nodes, prune->count * sizeof *nodes);
+    return prune->count;
+}
+
+/* Moves the weights, at the least cost to the fit, so that the uniform sky and the uniform field come out exactly. */
+static void keep_energy(FitScratch *s, uint32_t channel, uint32_t rank, const uint32_t *nodes, uint32_t n)
+{
+    const Baker *baker = s->task.baker;
+    uint32_t rows = s->rows->count, held = 0;
+    double *direction[MOST_FIXED] = {s->ridge, s->gram};
+    for (uint32_t u = baker->sky_count ? 0 : 1; u < MOST_FIXED; u++) {
+        double *bound = s->bound[held], *move = direction[held], along = 0;
+        for (uint32_t i = 0; i < n; i++)
+            bound[i] = move[i] = s->task.feature[(size_t)nodes[i] * baker->columns + uniform_column(s, u) + channel];
+        chiaro_cholesky_solve(s->system, n, move);
+        for (uint32_t k = 0; k < held; k++) { /* what was kept stays kept */
+            double off = 0, size = 0;
+            for (uint32_t i = 0; i < n; i++)
+                off += s->bound[k][i] * move[i], size += s->bound[k][i] * direction[k][i];
+            for (uint32_t i = 0; i < n; i++)
+                move[i] -= off / size * direction[k][i];
         }
-        /* All weights fitted away: back to the form factors. */
-        bool lost = !(sum > 0.5 * energy[sky]);
-        double scale = lost ? (prior_sum > 0 ? energy[sky] / prior_sum : 0) : energy[sky] / sum;
-        for (uint32_t k = 0; k < links->count; k++) {
-            if ((baker->nodes[links->nodes[k]].first >= baker->sample_count) == sky)
-                weights[k] = (float)((lost ? fitter->prior[k][channel] : weights[k]) * scale);
+        for (uint32_t i = 0; i < n; i++)
+            along += bound[i] * move[i];
+        if (!(along > 0))
+            continue;
+        for (uint32_t p = 0; p < rank; p++) {
+            double lost = 0, *weights = s->right + (size_t)p * n;
+            for (uint32_t r = 0; r < rows; r++)
+                lost += s->pattern[(size_t)p * rows + r] * s->uniform[u][channel][r];
+            for (uint32_t i = 0; i < n; i++)
+                lost -= weights[i] * bound[i];
+            for (uint32_t i = 0; i < n; i++)
+                weights[i] += lost / along * move[i];
         }
+        held++;
     }
 }
 
-bool chiaro_fitter_fit(Fitter *fitter, const RowEntry *entries, uint32_t entry_count, float *const spread[3],
-                       const float *target, float energy[3][2], FitLinks *links, double error[2])
+/* Squared error over the training lights: what the patterns cannot say, and what the weights miss. */
+static void measure_error(FitScratch *s, const Fitter *fitter, double error[2])
 {
-    fitter->entries = entries, fitter->entry_count = entry_count, fitter->spread = spread;
-    uint32_t n = cut(fitter);
-    if (n == 0)
-        return false;
-    if (target) {
-        for (uint32_t k = 0; k < fitter->width; k++)
-            fitter->target[k] = target[fitter->columns[k]] * fitter->column_scale[k];
-    } else {
-        memset(fitter->target, 0, fitter->width * sizeof *fitter->target);
-        for (uint32_t k = 0; k < n; k++)
-            chiaro_axpy(fitter->target, 1, fitter->open[k].light, fitter->width);
+    uint32_t rank = fitter->block.rank, n = fitter->block.node_count;
+    for (uint32_t r = 0; r < s->rows->count; r++) {
+        const float *target = s->target + (size_t)r * s->width;
+        double size = chiaro_dot(target, target, s->width);
+        error[0] += size, error[1] += size;
     }
-    Prune *prune = &fitter->prune;
-    prune->count = n;
-    for (uint32_t k = 0; k < n; k++)
-        prune->nodes[k] = fitter->open[k].node;
-    gather_prior(fitter, n, prune->nodes, n, fitter->prior);
-    if (n > fitter->task.links && !thin_out(fitter, n))
-        return false;
-    links->count = n = prune->count;
-    memcpy(links->nodes, prune->nodes, n * sizeof *links->nodes);
-    for (uint32_t c = 0; c < fitter->task.channels; c++) {
-        double *x = prune->weights[c];
-        if (!normal_equations(fitter, c, links->nodes, n, fitter->right))
-            return false;
-        for (uint32_t k = 0; k < n; k++)
-            x[k] = fitter->prior[k][c];
-        descend(fitter, n, fitter->right, x);
-        for (uint32_t k = 0; k < n; k++)
-            links->weights[c][k] = (float)x[k];
-        keep_energy(fitter, energy[c], c, links);
-        uint32_t begin = fitter->begin[c], count = fitter->begin[c + 1] - begin;
-        memcpy(fitter->scratch, fitter->target + begin, count * sizeof *fitter->scratch);
-        error[1] += chiaro_dot(fitter->scratch, fitter->scratch, count);
-        for (uint32_t k = 0; k < n; k++) {
-            const float *row = table_row(fitter, &fitter->feature, links->nodes[k]) + begin;
-            chiaro_axpy(fitter->scratch, -links->weights[c][k], row, count);
+    for (uint32_t p = 0; p < rank; p++) {
+        float *wanted = s->wanted + (size_t)p * s->width;
+        error[0] -= chiaro_dot(wanted, wanted, s->width);
+        for (uint32_t c = 0; c < s->task.channels; c++) {
+            for (uint32_t i = 0; i < n; i++)
+                chiaro_axpy(wanted + s->begin[c], -fitter->weights[((size_t)c * rank + p) * n + i],
+                            s->light + (size_t)i * s->width + s->begin[c], s->begin[c + 1] - s->begin[c]);
         }
-        error[0] += chiaro_dot(fitter->scratch, fitter->scratch, count);
+        error[0] += chiaro_dot(wanted, wanted, s->width);
     }
-    return true;
+}
+
+/* Patterns and nodes that a row can pay with K multiply-adds: K = rank (1 + nodes / rows). Both together are best at about
+ * rank^2 = 3.5 K. */
+static void deal(uint32_t links, uint32_t rows, uint32_t *rank, uint32_t *nodes)
+{
+    double best = floor(sqrt(3.5 * links) + 0.5);
+    best = fmin(fmin(best, rows), CHIARO_BLOCK_RANK);
+    double each = rows * (links / best - 1);
+    *rank = (uint32_t)best;
+    *nodes = (uint32_t)fmin(CHIARO_BLOCK_NODES, fmax(links, each));
+}
+
+void chiaro_fitter_fit(Fitter *fitter, const FitRows *rows, uint64_t seed, double error[2])
+{
+    FitScratch *s = fitter->scratch;
+    uint32_t rank, most;
+    s->rows = rows;
+    measure_level(s);
+    choose_columns(s);
+    collect_target(s);
+    collect_uniform(s);
+    deal(s->task.links, rows->count, &rank, &most);
+    rank = choose_patterns(s, rank);
+    collect_wanted(s, rank);
+    collect_form(s, rank);
+    uint32_t n = rank ? make_cut(s, rank, (uint32_t)fmin(FINER * most, CHIARO_BLOCK_NODES), seed, fitter->nodes) : 0;
+    n = thin_out(s, rank, fitter->nodes, n, most);
+    load_nodes(s, fitter->nodes, n);
+    fitter->block = (ChiaroBlock){.row_count = rows->count, .node_count = n, .rank = rank, .channels = s->task.channels};
+    for (uint32_t c = 0; c < s->task.channels && n > 0; c++) {
+        collect_prior(s, c, rank, fitter->nodes, n);
+        normal_equations(s, c, rank, n);
+        chiaro_cholesky(s->system, n);
+        for (uint32_t p = 0; p < rank; p++)
+            chiaro_cholesky_solve(s->system, n, s->right + (size_t)p * n);
+        keep_energy(s, c, rank, fitter->nodes, n);
+        for (size_t k = 0; k < (size_t)rank * n; k++)
+            fitter->weights[(size_t)c * rank * n + k] = (float)s->right[k];
+    }
+    for (size_t k = 0; k < (size_t)rank * rows->count; k++)
+        fitter->shares[k] = (float)s->pattern[k];
+    measure_error(s, fitter, error);
 }

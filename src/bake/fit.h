@@ -1,41 +1,44 @@
-/* From a row of form factors to K links: what links.c asks of fit.c. */
+/* From rows of form factors to a block of links: what links.c asks of fit.c. */
 #ifndef CHIARO_FIT_H
 #define CHIARO_FIT_H
 
 #include "bake.h"
+#include "chiaro_shared.h"
 
-/* What rows are fitted to. Two uses: sample rows (all bounces, three channels, fed with direct light) and receiver rows
- * (one gather, one weight for all channels, fed with what the samples carry). */
+/* What blocks are fitted to. Two uses: samples (all bounces, three channels, fed with direct light) and receivers (one
+ * gather, the same for all channels, fed with what the samples carry). */
 typedef struct FitTask {
     const Baker *baker;
-    const float *truth;   /* [node][column]: what the row itself would see */
-    const float *feature; /* [node][column]: what links will see at run time */
-    uint32_t links;       /* K */
-    uint32_t channels;    /* weights a link: 1 or 3 */
+    const float *truth;   /* [node][column]: the light that form factors speak of */
+    const float *feature; /* [node][column]: the light that links will find at run time */
+    uint32_t links;       /* K: multiply-adds a row and channel, about */
+    uint32_t channels;    /* 1 or 3 */
+    bool all_bounces;     /* rows are samples: form factors tell the first bounce only, see spread_light() */
 } FitTask;
 
-/* The links of one row: nodes, weights by channel, and how many there are. */
-typedef struct FitLinks {
-    uint32_t count, nodes[CHIARO_MAX_LINKS];
-    float weights[3][CHIARO_MAX_LINKS];
-} FitLinks;
+/* A block of neighbouring rows. */
+typedef struct FitRows {
+    uint32_t count;          /* at most CHIARO_BLOCK_ROWS */
+    const uint32_t *leaves;  /* that any of them receives from, in their order */
+    uint32_t leaf_count;
+    const float *form;       /* [row][leaf of the block] */
+    const float *target[CHIARO_BLOCK_ROWS]; /* irradiance wanted, by column; NULL: form factors times truth */
+} FitRows;
 
-/* One a thread. */
-typedef struct Fitter Fitter;
+/* One a thread; holds the block that was fitted last. */
+typedef struct Fitter {
+    ChiaroBlock block; /* firsts are not set */
+    uint32_t nodes[CHIARO_BLOCK_NODES];
+    float *weights; /* [channel][pattern][node] */
+    float *shares;  /* [pattern][row] */
+    struct FitScratch *scratch;
+} Fitter;
 
-Fitter *chiaro_fitter_create(const FitTask *task);
+bool chiaro_fitter_create(const FitTask *task, Fitter *fitter);
 void chiaro_fitter_destroy(Fitter *fitter);
 
-/* Chooses the training lights for a tile of neighbouring rows: those that matter there. `level` holds, for each column,
- * how bright the tile is under it. False: out of memory. */
-bool chiaro_fitter_begin_tile(Fitter *fitter, const float *level);
-
-/* Fits one row.
- * `entries`: form factors. `spread`: for sample rows, what reaches the row after more than one bounce from
- * each cluster, [channel][cluster]; NULL for receivers. `target`: irradiance wanted, by column; NULL: that of the entries.
- * `energy`: wanted sum of weights [channel][0 surfaces, 1 sky].
- * Adds the squared error that is left, and the squared target, to `error`. False: out of memory. */
-bool chiaro_fitter_fit(Fitter *fitter, const RowEntry *entries, uint32_t entry_count, float *const spread[3],
-                       const float *target, float energy[3][2], FitLinks *links, double error[2]);
+/* Fits a block. Adds the squared error that is left over the training lights, and the squared target, to `error`.
+ * `seed`: of the block's random choices. */
+void chiaro_fitter_fit(Fitter *fitter, const FitRows *rows, uint64_t seed, double error[2]);
 
 #endif

@@ -1,4 +1,4 @@
-/* All rows become links, tile by tile.
+/* All rows become links, block by block.
  *
  * Samples first: their links carry all bounces at once, so nothing feeds back at run time. Then the receivers: one final
  * gather from what the samples carry. Receivers are fitted to the exact solution but fed with what the samples' links
@@ -6,201 +6,135 @@
  */
 #include "../core/transport.h"
 #include "../offline/parallel.h"
-#include "chiaro_shared.h"
 #include "fit.h"
 #include "kernels.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { TILE = 64, LEVEL_STEP = 8, SAMPLES_A_ROW = 4, SAMPLE_TILE = 16 };
+/* Rows between samples carry all bounces, so they may cost this many times what a receiver's do. */
+enum { SAMPLE_LINKS_A_LINK = 2 };
+
+/* A block as it came out of the fit: one allocation each. */
+typedef struct Fitted {
+    ChiaroBlock block;
+    uint32_t *nodes;
+    float *weights; /* weights, then shares */
+    double error[2];
+} Fitted;
+
+/* What each thread has for itself. */
+typedef struct Worker {
+    Fitter fitter;
+    RowScratch rays;     /* receivers */
+    RowEntry *entries;   /* receivers: rows of the block, one after the other */
+    uint32_t *leaves, *place; /* leaves of the block, and the place of each leaf among them */
+    float *form;         /* [row][leaf of the block] */
+    float *sum;          /* samples: one row of columns for each pattern */
+    bool failed;
+} Worker;
 
 typedef struct LinksJob {
     Baker *baker;
-    FitTask task;
-    Fitter **fitters;     /* one a thread */
-    RowScratch *scratch;  /* one a thread */
-    RowEntry *rows;       /* receivers: a tile's rows a thread */
-    float *level;         /* two rows of columns a thread */
-    float *spread;        /* samples: 4 x clusters a thread: three channels, and the row in clusters */
-    double *sums;         /* samples: clusters a thread */
-    double (*errors)[2];  /* one a tile: summed in order afterwards */
-    bool *failed;         /* one a thread */
+    const uint32_t *begin; /* first row of each block, and one more */
+    Worker *workers;
+    Fitted *fitted;
 } LinksJob;
 
-/* Fixed-point weights that add up as the exact ones do: what rounding takes from one link it gives to the next. */
-static void quantize(const float *weights, uint32_t count, float most, int32_t steps, int32_t *out)
+static bool keep_block(Fitted *fitted, const Fitter *fitter, uint32_t first_row)
 {
-    double scale = most > 0 ? steps / (double)most : 0, carry = 0;
-    for (uint32_t k = 0; k < count; k++) {
-        double exact = weights[k] * scale + carry;
-        double rounded = fmin(steps, fmax(0, floor(exact + 0.5)));
-        out[k] = (int32_t)rounded;
-        carry = exact - rounded;
-    }
-}
-
-static float largest(const float *weights, uint32_t count)
-{
-    float most = 0;
-    for (uint32_t k = 0; k < count; k++)
-        most = fmaxf(most, weights[k]);
-    return most;
+    ChiaroBlock *block = &fitted->block;
+    *block = fitter->block;
+    block->first_row = first_row;
+    block->first_share = block->channels * block->rank * block->node_count;
+    size_t shares = (size_t)block->rank * block->row_count;
+    fitted->nodes = malloc(block->node_count * sizeof *fitted->nodes + 1);
+    fitted->weights = malloc((block->first_share + shares) * sizeof *fitted->weights + 1);
+    if (!fitted->nodes || !fitted->weights)
+        return false;
+    memcpy(fitted->nodes, fitter->nodes, block->node_count * sizeof *fitted->nodes);
+    memcpy(fitted->weights, fitter->weights, block->first_share * sizeof *fitted->weights);
+    memcpy(fitted->weights + block->first_share, fitter->shares, shares * sizeof *fitted->weights);
+    return true;
 }
 
 /* --- samples --- */
 
-static uint32_t first_sample(const Baker *baker, uint32_t row) { return (uint32_t)baker->sample_scales[4 * (size_t)row + 3]; }
-
-static void store_sample_links(Baker *baker, uint32_t row, const FitLinks *links)
+/* What the samples of a block carry at run time, for every training light: direct light, and what the links give. */
+static void carry(const Baker *baker, const Fitted *fitted, float *sums)
 {
-    uint32_t width = baker->info.sample_links;
-    int32_t steps[3] = {CHIARO_LINK_WEIGHT_MAX, CHIARO_LINK_GREEN_BLUE_MAX, CHIARO_LINK_GREEN_BLUE_MAX};
-    int32_t fixed[3][CHIARO_MAX_LINKS];
-    for (int c = 0; c < 3; c++) {
-        const float *weights = links->weights[baker->grey ? 0 : c];
-        float most = largest(weights, links->count);
-        quantize(weights, links->count, most, steps[c], fixed[c]);
-        baker->sample_scales[4 * (size_t)row + (size_t)c] = most / (float)steps[c];
+    const ChiaroBlock *block = &fitted->block;
+    uint32_t columns = baker->columns;
+    const float *shares = fitted->weights + block->first_share;
+    for (uint32_t r = 0; r < block->row_count; r++) {
+        size_t s = block->first_row + r;
+        memcpy(baker->carried + s * columns, baker->direct + s * columns, columns * sizeof *baker->carried);
     }
-    for (uint32_t k = 0; k < links->count; k++) {
-        baker->sample_links[CHIARO_LINK_INDEX(row, k, width)] = (ChiaroLinkRgb){
-            links->nodes[k] | (uint32_t)fixed[0][k] << CHIARO_LINK_NODE_BITS,
-            (uint32_t)fixed[1][k] | (uint32_t)fixed[2][k] << 16,
-        };
-    }
-}
-
-/* What reaches a row from each cluster after more than one bounce: the row, in clusters, through the coarse response, less
- * the first bounce, which the row itself has. */
-static void spread_light(const Baker *baker, const RowEntry *row, uint32_t count, float *spread, float *row_clusters,
-                         double *all)
-{
-    uint32_t n = baker->cluster_count;
-    memset(row_clusters, 0, n * sizeof *row_clusters);
-    chiaro_row_to_clusters(baker, row, count, row_clusters);
-    for (uint32_t c = 0; c < (baker->grey ? 1u : 3u); c++) {
-        for (uint32_t j = 0; j < n; j++)
-            all[j] = -row_clusters[j];
-        for (uint32_t i = 0; i < n; i++) {
-            if (row_clusters[i] == 0)
-                continue;
-            const double *response = baker->response[c] + (size_t)i * n;
-            for (uint32_t j = 0; j < n; j++)
-                all[j] += row_clusters[i] * response[j];
+    for (uint32_t c = 0; c < block->channels; c++) {
+        for (uint32_t p = 0; p < block->rank; p++) {
+            const float *weights = fitted->weights + ((size_t)c * block->rank + p) * block->node_count;
+            memset(sums + (size_t)p * columns, 0, columns * sizeof *sums);
+            for (uint32_t i = 0; i < block->node_count; i++)
+                chiaro_axpy(sums + (size_t)p * columns, weights[i], baker->direct + (size_t)fitted->nodes[i] * columns, columns);
         }
-        for (uint32_t j = 0; j < n; j++)
-            spread[(size_t)c * n + j] = (float)fmax(0, all[j]);
+        for (uint32_t r = 0; r < block->row_count; r++) {
+            size_t s = block->first_row + r;
+            float *irradiance = sums + (size_t)block->rank * columns;
+            memset(irradiance, 0, columns * sizeof *irradiance);
+            for (uint32_t p = 0; p < block->rank; p++)
+                chiaro_axpy(irradiance, shares[(size_t)p * block->row_count + r], sums + (size_t)p * columns, columns);
+            for (uint32_t t = 0; t < columns; t++) {
+                if (block->channels == 1 || baker->column_channel[t] == c)
+                    baker->carried[s * columns + t] +=
+                        baker->samples[s].albedo[baker->column_channel[t]] * fmaxf(0, irradiance[t]);
+            }
+        }
     }
 }
 
+/* Any sample may send light to any other after some bounces; of the sky, only what is seen. */
 static void link_samples(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
     LinksJob *job = user;
     Baker *baker = job->baker;
-    uint32_t columns = baker->columns, n = baker->cluster_count, last_row = baker->sample_row_count;
-    float *level = job->level + 2 * (size_t)thread * columns, *target = level + columns;
-    float *spread = job->spread + (size_t)thread * 4 * n;
-    float *const by_channel[3] = {spread, spread + (baker->grey ? 0 : n), spread + (baker->grey ? 0 : 2 * n)};
-    RowScratch *scratch = &job->scratch[thread];
-    for (uint32_t tile = begin; tile < end && !job->failed[thread]; tile++) {
-        uint32_t row_end = (tile + 1) * SAMPLE_TILE < last_row ? (tile + 1) * SAMPLE_TILE : last_row;
-        uint32_t first = first_sample(baker, tile * SAMPLE_TILE), last = first_sample(baker, row_end);
-        memset(level, 0, columns * sizeof *level);
-        for (uint32_t s = first; s < last; s++)
-            chiaro_axpy(level, 1 / (float)(last - first), baker->irradiance + (size_t)s * columns, columns);
-        if (!chiaro_fitter_begin_tile(job->fitters[thread], level)) {
-            job->failed[thread] = true;
-            break;
+    Worker *worker = &job->workers[thread];
+    for (uint32_t b = begin; b < end && !worker->failed; b++) {
+        uint32_t first = job->begin[b], leaves = baker->leaf_count;
+        FitRows rows = {.count = job->begin[b + 1] - first, .leaves = worker->leaves, .leaf_count = leaves, .form = worker->form};
+        memset(worker->form, 0, (size_t)rows.count * leaves * sizeof *worker->form);
+        for (uint32_t r = 0; r < rows.count; r++) {
+            rows.target[r] = baker->irradiance + (size_t)(first + r) * baker->columns;
+            for (size_t e = baker->row_first[first + r]; e < baker->row_first[first + r + 1]; e++)
+                worker->form[(size_t)r * leaves + baker->rows[e].node] = baker->rows[e].weight;
         }
-        for (uint32_t r = tile * SAMPLE_TILE; r < row_end; r++) {
-            FitLinks links;
-            RowFacts facts;
-            float energy[3][2], area = 0;
-            uint32_t begin_sample = first_sample(baker, r), end_sample = first_sample(baker, r + 1);
-            uint32_t count = chiaro_row_trace_samples(baker, begin_sample, end_sample - begin_sample, baker->desc.rays,
-                                                      scratch, &facts);
-            memset(target, 0, columns * sizeof *target);
-            for (uint32_t s = begin_sample; s < end_sample; s++)
-                area += baker->samples[s].area;
-            for (uint32_t s = begin_sample; s < end_sample; s++)
-                chiaro_axpy(target, baker->samples[s].area / area, baker->irradiance + (size_t)s * columns, columns);
-            for (uint32_t c = 0; c < 3; c++) {
-                energy[c][0] = target[baker->uniform_column + c];
-                energy[c][1] = baker->sky_count ? target[baker->uniform_sky_column + c] : 0;
-            }
-            spread_light(baker, scratch->entries, count, spread, spread + 3 * (size_t)n, job->sums + (size_t)thread * n);
-            if (!chiaro_fitter_fit(job->fitters[thread], scratch->entries, count, by_channel, target, energy, &links,
-                                   job->errors[tile])) {
-                job->failed[thread] = true;
-                break;
-            }
-            store_sample_links(baker, r, &links);
-        }
+        for (uint32_t l = 0; l < leaves; l++)
+            worker->leaves[l] = l;
+        Fitted *fitted = &job->fitted[b];
+        chiaro_fitter_fit(&worker->fitter, &rows, b, fitted->error);
+        if (keep_block(fitted, &worker->fitter, first))
+            carry(baker, fitted, worker->sum);
+        else
+            worker->failed = true;
     }
 }
 
-/* What the samples carry at run time, for every training light. */
-static void carry(uint32_t begin, uint32_t end, uint32_t thread, void *user)
-{
-    const LinksJob *job = user;
-    Baker *baker = job->baker;
-    uint32_t columns = baker->columns, width = baker->info.sample_links;
-    float *sum = job->level + 2 * (size_t)thread * columns;
-    for (uint32_t r = begin; r < end; r++) {
-        const float *scale = baker->sample_scales + 4 * (size_t)r;
-        for (uint32_t c = 0; c < (baker->grey ? 1u : 3u); c++) {
-            memset(sum, 0, columns * sizeof *sum);
-            for (uint32_t k = 0; k < width; k++) {
-                ChiaroLinkRgb link = baker->sample_links[CHIARO_LINK_INDEX(r, k, width)];
-                float weight = (c == 0   ? (float)((int32_t)link.node_red >> CHIARO_LINK_NODE_BITS)
-                                : c == 1 ? (float)(link.green_blue & 0xffffu)
-                                         : (float)(link.green_blue >> 16));
-                if (weight > 0) {
-                    const float *x = baker->direct + (size_t)(link.node_red & CHIARO_LINK_NODE_MASK) * columns;
-                    chiaro_axpy(sum, weight * scale[c], x, columns);
-                }
-            }
-            for (uint32_t s = first_sample(baker, r); s < first_sample(baker, r + 1); s++) {
-                const float *x = baker->direct + (size_t)s * columns;
-                for (uint32_t t = 0; t < columns; t++) {
-                    if (baker->grey || baker->column_channel[t] == c)
-                        baker->carried[(size_t)s * columns + t] = x[t] + baker->samples[s].albedo[c] * sum[t];
-                }
-            }
-        }
-    }
-}
-
-/* Neighbouring samples share a row: light after its first bounce varies little between them. */
-static void deal_rows(Baker *baker, uint32_t index, uint32_t *rows, bool count_only)
+/* Blocks of samples: nodes of the tree, which follow each other in the order of leaves, packed while there is room.
+ * Returns the number of blocks so far. */
+static uint32_t deal_samples(const Baker *baker, uint32_t index, uint32_t *begin, uint32_t count)
 {
     const ChiaroNode *node = &baker->nodes[index];
     if (node->first >= baker->sample_count)
-        return;
-    if (node->count > SAMPLES_A_ROW) {
-        deal_rows(baker, node->left, rows, count_only);
-        deal_rows(baker, node->right, rows, count_only);
-        return;
+        return count;
+    if (node->count > CHIARO_BLOCK_ROWS) {
+        count = deal_samples(baker, node->left, begin, count);
+        return deal_samples(baker, node->right, begin, count);
     }
-    if (!count_only)
-        baker->sample_scales[4 * (size_t)*rows + 3] = (float)node->first;
-    ++*rows;
+    if (count == 0 || node->first + node->count - begin[count - 1] > CHIARO_BLOCK_ROWS)
+        begin[count++] = node->first;
+    return count;
 }
 
 /* --- receivers --- */
-
-static void store_receiver_links(Baker *baker, uint32_t receiver, const FitLinks *links)
-{
-    uint32_t width = baker->desc.links;
-    int32_t fixed[CHIARO_MAX_LINKS];
-    float most = largest(links->weights[0], links->count);
-    quantize(links->weights[0], links->count, most, CHIARO_LINK_WEIGHT_MAX, fixed);
-    baker->receiver_scales[receiver] = most / (float)CHIARO_LINK_WEIGHT_MAX;
-    for (uint32_t k = 0; k < links->count; k++)
-        baker->receiver_links[CHIARO_LINK_INDEX(receiver, k, width)] =
-            links->nodes[k] | (uint32_t)fixed[k] << CHIARO_LINK_NODE_BITS;
-}
 
 static void store_facts(ChiaroReceiver *receiver, const RowFacts *facts)
 {
@@ -211,143 +145,172 @@ static void store_facts(ChiaroReceiver *receiver, const RowFacts *facts)
     vec3_store(receiver->bent, vec3_dot(bent, bent) > 0 ? bent : vec3_load(receiver->normal));
 }
 
-/* How bright a tile is under each training light: a few of its rows are enough to tell. */
-static void tile_level(const Baker *baker, const RowEntry *rows, const uint32_t *counts, uint32_t count, float *level)
-{
-    memset(level, 0, baker->columns * sizeof *level);
-    for (uint32_t r = 0; r < count; r += LEVEL_STEP) {
-        for (uint32_t e = 0; e < counts[r]; e++) {
-            const RowEntry *entry = &rows[(size_t)r * baker->desc.rays + e];
-            chiaro_axpy(level, entry->weight, baker->total + (size_t)entry->node * baker->columns, baker->columns);
-        }
-    }
-}
-
 static void link_receivers(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
     LinksJob *job = user;
     Baker *baker = job->baker;
-    uint32_t columns = baker->columns, rays = baker->desc.rays;
-    float *level = job->level + 2 * (size_t)thread * columns;
-    RowEntry *rows = job->rows + (size_t)thread * TILE * rays;
-    RowScratch *scratch = &job->scratch[thread];
-    for (uint32_t tile = begin; tile < end && !job->failed[thread]; tile++) {
-        uint32_t first = tile * TILE, counts[TILE];
-        uint32_t last = first + TILE < baker->receiver_count ? first + TILE : baker->receiver_count;
-        for (uint32_t r = first; r < last; r++) {
-            ChiaroReceiver *receiver = &baker->receivers[r];
+    Worker *worker = &job->workers[thread];
+    uint32_t rays = baker->desc.rays;
+    for (uint32_t b = begin; b < end && !worker->failed; b++) {
+        uint32_t first = job->begin[b], counts[CHIARO_BLOCK_ROWS], leaves = 0;
+        FitRows rows = {.count = job->begin[b + 1] - first, .leaves = worker->leaves, .form = worker->form};
+        memset(worker->place, 0, baker->leaf_count * sizeof *worker->place);
+        for (uint32_t r = 0; r < rows.count; r++) {
+            ChiaroReceiver *receiver = &baker->receivers[first + r];
+            RowEntry *entries = worker->entries + (size_t)r * rays;
             RowFacts facts;
-            counts[r - first] = chiaro_row_trace(baker, vec3_load(receiver->position), vec3_load(receiver->normal),
-                                                 baker->receiver_plane[r], rays, r, scratch, &facts);
-            memcpy(rows + (size_t)(r - first) * rays, scratch->entries, counts[r - first] * sizeof *rows);
+            counts[r] = chiaro_row_trace(baker, vec3_load(receiver->position), vec3_load(receiver->normal),
+                                         baker->receiver_plane[first + r], rays, first + r, &worker->rays, &facts);
+            memcpy(entries, worker->rays.entries, counts[r] * sizeof *entries);
             store_facts(receiver, &facts);
+            for (uint32_t e = 0; e < counts[r]; e++)
+                worker->place[entries[e].node] = 1;
         }
-        tile_level(baker, rows, counts, last - first, level);
-        if (!chiaro_fitter_begin_tile(job->fitters[thread], level)) {
-            job->failed[thread] = true;
-            break;
+        for (uint32_t l = 0; l < baker->leaf_count; l++) {
+            if (worker->place[l])
+                worker->place[l] = leaves, worker->leaves[leaves++] = l;
         }
-        for (uint32_t r = first; r < last; r++) {
-            const RowEntry *row = rows + (size_t)(r - first) * rays;
-            FitLinks links;
-            float energy[3][2] = {{0, 0}};
-            for (uint32_t e = 0; e < counts[r - first]; e++)
-                energy[0][baker->nodes[row[e].node].first >= baker->sample_count] += row[e].weight;
-            if (!chiaro_fitter_fit(job->fitters[thread], row, counts[r - first], NULL, NULL, energy, &links,
-                                   job->errors[tile])) {
-                job->failed[thread] = true;
-                break;
+        rows.leaf_count = leaves;
+        memset(worker->form, 0, (size_t)rows.count * leaves * sizeof *worker->form);
+        for (uint32_t r = 0; r < rows.count; r++) {
+            for (uint32_t e = 0; e < counts[r]; e++) {
+                RowEntry entry = worker->entries[(size_t)r * rays + e];
+                worker->form[(size_t)r * leaves + worker->place[entry.node]] = entry.weight;
             }
-            store_receiver_links(baker, r, &links);
         }
+        chiaro_fitter_fit(&worker->fitter, &rows, b, job->fitted[b].error);
+        worker->failed = !keep_block(&job->fitted[b], &worker->fitter, first);
     }
 }
 
 /* --- both --- */
 
-static ChiaroResult run(Baker *baker, const FitTask *task, uint32_t tiles, bool receivers, ChiaroRangeFunc body,
-                        double *error)
+/* The blocks, one behind the other. */
+static bool join(const Fitted *fitted, uint32_t count, LinkTable *table)
 {
-    uint32_t threads = baker->desc.threads;
-    LinksJob job = {.baker = baker, .task = *task};
-    ChiaroResult result = CHIARO_ERROR_MEMORY;
-    bool ready = true;
-    job.fitters = calloc(threads, sizeof(Fitter *));
-    job.failed = calloc(threads, sizeof *job.failed);
-    job.scratch = calloc(threads, sizeof *job.scratch);
-    job.errors = calloc(tiles, sizeof *job.errors);
-    job.level = malloc(2 * (size_t)threads * baker->columns * sizeof *job.level);
-    job.spread = malloc((size_t)threads * 4 * baker->cluster_count * sizeof *job.spread);
-    job.sums = malloc((size_t)threads * baker->cluster_count * sizeof *job.sums);
-    job.rows = receivers ? malloc((size_t)threads * TILE * baker->desc.rays * sizeof *job.rows) : NULL;
-    ready = job.fitters && job.failed && job.scratch && job.errors && job.level && job.spread && job.sums &&
-            (!receivers || job.rows);
-    for (uint32_t t = 0; t < threads && ready; t++) {
-        job.fitters[t] = chiaro_fitter_create(task);
-        ready = job.fitters[t] && chiaro_row_scratch_create(baker, baker->desc.rays, &job.scratch[t]);
+    size_t nodes = 0, weights = 0;
+    for (uint32_t b = 0; b < count; b++) {
+        nodes += fitted[b].block.node_count;
+        weights += fitted[b].block.first_share + (size_t)fitted[b].block.rank * fitted[b].block.row_count;
     }
-    if (ready) {
-        bool finished = chiaro_parallel_for(threads, tiles, 1, body, &job, chiaro_bake_progress, baker);
+    if (weights > UINT32_MAX)
+        return false;
+    table->blocks = malloc(count * sizeof *table->blocks);
+    table->nodes = malloc(nodes * sizeof *table->nodes + 1);
+    table->weights = malloc(weights * sizeof *table->weights + 1);
+    if (!table->blocks || !table->nodes || !table->weights)
+        return false;
+    for (uint32_t b = 0; b < count; b++) {
+        ChiaroBlock block = fitted[b].block;
+        size_t size = block.first_share + (size_t)block.rank * block.row_count;
+        memcpy(table->nodes + table->node_count, fitted[b].nodes, block.node_count * sizeof *table->nodes);
+        memcpy(table->weights + table->weight_count, fitted[b].weights, size * sizeof *table->weights);
+        block.first_node = table->node_count;
+        block.first_weight = table->weight_count;
+        block.first_share += table->weight_count;
+        table->blocks[b] = block;
+        table->node_count += block.node_count;
+        table->weight_count += (uint32_t)size;
+    }
+    table->block_count = count;
+    return true;
+}
+
+static bool worker_create(Worker *worker, const FitTask *task)
+{
+    const Baker *baker = task->baker;
+    if (!chiaro_fitter_create(task, &worker->fitter))
+        return false;
+    worker->leaves = malloc(baker->leaf_count * sizeof *worker->leaves);
+    worker->place = malloc(baker->leaf_count * sizeof *worker->place);
+    worker->form = malloc((size_t)CHIARO_BLOCK_ROWS * baker->leaf_count * sizeof *worker->form);
+    bool ready = worker->leaves && worker->place && worker->form;
+    if (task->all_bounces) {
+        worker->sum = malloc(((size_t)CHIARO_BLOCK_RANK + 1) * baker->columns * sizeof *worker->sum);
+        return ready && worker->sum;
+    }
+    worker->entries = malloc((size_t)CHIARO_BLOCK_ROWS * baker->desc.rays * sizeof *worker->entries);
+    return ready && worker->entries && chiaro_row_scratch_create(baker, baker->desc.rays, &worker->rays);
+}
+
+static void worker_destroy(Worker *worker)
+{
+    chiaro_fitter_destroy(&worker->fitter);
+    chiaro_row_scratch_destroy(&worker->rays);
+    free(worker->entries);
+    free(worker->leaves);
+    free(worker->place);
+    free(worker->form);
+    free(worker->sum);
+}
+
+/* Fits `count` blocks. `error`: relRMSE over the training lights; `cost`: multiply-adds a row and channel. */
+static ChiaroResult run(Baker *baker, const FitTask *task, const uint32_t *begin, uint32_t count, ChiaroRangeFunc body,
+                        LinkTable *table, float *error, float *cost)
+{
+    uint32_t threads = baker->desc.threads, ready = 0;
+    LinksJob job = {.baker = baker, .begin = begin};
+    ChiaroResult result = CHIARO_ERROR_MEMORY;
+    job.workers = calloc(threads, sizeof *job.workers);
+    job.fitted = calloc(count, sizeof *job.fitted);
+    if (job.workers && job.fitted) {
+        while (ready < threads && worker_create(&job.workers[ready], task))
+            ready++;
+    }
+    if (job.fitted && ready == threads) {
+        bool finished = chiaro_parallel_for(threads, count, 1, body, &job, chiaro_bake_progress, baker);
+        double wrong = 0, size = 0, work = 0;
         bool failed = false;
         for (uint32_t t = 0; t < threads; t++)
-            failed = failed || job.failed[t];
+            failed = failed || job.workers[t].failed;
+        for (uint32_t b = 0; b < count && finished && !failed; b++) {
+            const ChiaroBlock *block = &job.fitted[b].block;
+            wrong += job.fitted[b].error[0], size += job.fitted[b].error[1];
+            work += (double)block->rank * (block->row_count + block->node_count);
+        }
+        *error = size > 0 ? (float)sqrt(fmax(0, wrong) / size) : 0;
+        *cost = (float)(work / begin[count]);
         result = failed ? CHIARO_ERROR_MEMORY : finished ? CHIARO_OK : CHIARO_ERROR_INTERRUPTED;
-        double wrong = 0, size = 0;
-        for (uint32_t t = 0; t < tiles; t++)
-            wrong += job.errors[t][0], size += job.errors[t][1];
-        *error = size > 0 ? sqrt(wrong / size) : 0;
-        if (result == CHIARO_OK && !receivers)
-            chiaro_parallel_for(threads, baker->sample_row_count, 4, carry, &job, NULL, NULL);
+        if (result == CHIARO_OK && !join(job.fitted, count, table))
+            result = CHIARO_ERROR_MEMORY;
     }
-    for (uint32_t t = 0; t < threads; t++) {
-        if (job.fitters)
-            chiaro_fitter_destroy(job.fitters[t]);
-        if (job.scratch)
-            chiaro_row_scratch_destroy(&job.scratch[t]);
+    for (uint32_t t = 0; job.workers && t < threads; t++)
+        worker_destroy(&job.workers[t]);
+    for (uint32_t b = 0; job.fitted && b < count; b++) {
+        free(job.fitted[b].nodes);
+        free(job.fitted[b].weights);
     }
-    free(job.fitters);
-    free(job.failed);
-    free(job.scratch);
-    free(job.errors);
-    free(job.level);
-    free(job.spread);
-    free(job.sums);
-    free(job.rows);
+    free(job.workers);
+    free(job.fitted);
     return result;
 }
 
 ChiaroResult chiaro_bake_sample_links(Baker *baker)
 {
-    double error;
-    uint32_t next = 0;
-    deal_rows(baker, baker->root, &baker->sample_row_count, true);
-    baker->sample_links = calloc(chiaro_link_words(baker->sample_row_count, baker->info.sample_links), sizeof *baker->sample_links);
-    baker->sample_scales = calloc(4 * ((size_t)baker->sample_row_count + 1), sizeof *baker->sample_scales);
-    baker->carried = malloc((size_t)baker->node_count * baker->columns * sizeof *baker->carried);
-    if (!baker->sample_links || !baker->sample_scales || !baker->carried)
+    uint32_t columns = baker->columns;
+    uint32_t *begin = malloc(((size_t)baker->sample_count + 1) * sizeof *begin);
+    baker->carried = malloc((size_t)baker->node_count * columns * sizeof *baker->carried);
+    if (!begin || !baker->carried) {
+        free(begin);
         return CHIARO_ERROR_MEMORY;
-    deal_rows(baker, baker->root, &next, false);
-    baker->sample_scales[4 * (size_t)baker->sample_row_count + 3] = (float)baker->sample_count;
+    }
+    uint32_t count = deal_samples(baker, baker->root, begin, 0);
+    begin[count] = baker->sample_count;
     for (uint32_t s = baker->sample_count; s < baker->leaf_count; s++)
-        memcpy(baker->carried + (size_t)s * baker->columns, baker->direct + (size_t)s * baker->columns,
-               baker->columns * sizeof *baker->carried);
-    FitTask task = {baker, baker->direct, baker->direct, baker->info.sample_links, baker->grey ? 1 : 3};
-    ChiaroResult result = run(baker, &task, (baker->sample_row_count + SAMPLE_TILE - 1) / SAMPLE_TILE, false, link_samples, &error);
-    baker->info.sample_fit_error = (float)error;
+        memcpy(baker->carried + (size_t)s * columns, baker->direct + (size_t)s * columns, columns * sizeof *baker->carried);
+    uint32_t links = SAMPLE_LINKS_A_LINK * baker->desc.links;
+    FitTask task = {baker, baker->direct, baker->direct, links, baker->grey ? 1 : 3, true};
+    ChiaroResult result = run(baker, &task, begin, count, link_samples, &baker->sample_links,
+                              &baker->info.sample_fit_error, &baker->info.sample_links);
+    free(begin);
     if (result == CHIARO_OK)
-        chiaro_bake_tree_sum(baker, baker->carried, baker->columns);
+        chiaro_bake_tree_sum(baker, baker->carried, columns);
     return result;
 }
 
 ChiaroResult chiaro_bake_receiver_links(Baker *baker)
 {
-    double error;
-    baker->receiver_links = calloc(chiaro_link_words(baker->receiver_count, baker->desc.links), sizeof *baker->receiver_links);
-    baker->receiver_scales = calloc(baker->receiver_count, sizeof *baker->receiver_scales);
-    if (!baker->receiver_links || !baker->receiver_scales)
-        return CHIARO_ERROR_MEMORY;
-    FitTask task = {baker, baker->total, baker->carried, baker->desc.links, 1};
-    ChiaroResult result = run(baker, &task, (baker->receiver_count + TILE - 1) / TILE, true, link_receivers, &error);
-    baker->info.fit_error = (float)error;
-    return result;
+    FitTask task = {baker, baker->total, baker->carried, baker->desc.links, 1, false};
+    return run(baker, &task, baker->receiver_blocks, baker->receiver_block_count, link_receivers, &baker->receiver_links,
+               &baker->info.fit_error, &baker->info.receiver_links);
 }

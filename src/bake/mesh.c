@@ -10,9 +10,10 @@
 #include "../core/log.h"
 #include "../offline/parallel.h"
 #include "bake.h"
+#include "chiaro_shared.h"
 #include "map.h"
 
-enum { SIZING_RAYS = 32, MAX_ROUNDS = 24, BISECTIONS = 8 };
+enum { SIZING_RAYS = 32, MAX_ROUNDS = 24, BISECTIONS = 8, USUAL_BLOCK = 48 /* rows of a block of links */ };
 
 /* Edge length wanted: this part of the free path there, within limits that follow the number of receivers. */
 static const float EDGE_PART_OF_FREE_PATH = 0.35f, SHORTEST_EDGE = 0.4f, LONGEST_EDGE = 1.5f;
@@ -336,8 +337,6 @@ typedef struct Draft {
     bool inside;
     float moved; /* how far along which edge it came out of a solid */
     Vec3 outside;
-    uint64_t morton;
-    uint32_t index;
 } Draft;
 
 typedef struct Receivers {
@@ -346,24 +345,6 @@ typedef struct Receivers {
     uint32_t *of_vertex;
     uint32_t count;
 } Receivers;
-
-static uint64_t spread_bits(uint64_t x)
-{
-    x &= 0x1fffff;
-    x = (x | x << 32) & 0x1f00000000ffffu;
-    x = (x | x << 16) & 0x1f0000ff0000ffu;
-    x = (x | x << 8) & 0x100f00f00f00f00fu;
-    x = (x | x << 4) & 0x10c30c30c30c30c3u;
-    return (x | x << 2) & 0x1249249249249249u;
-}
-
-static uint64_t morton_code(const Baker *baker, Vec3 p)
-{
-    Vec3 low = vec3_load(baker->info.bounds_min), size = vec3_sub(vec3_load(baker->info.bounds_max), low);
-    float scale = 2097151.0f / fmaxf(vec3_max(size), 1e-30f);
-    Vec3 q = vec3_scale(vec3_sub(p, low), scale);
-    return spread_bits((uint64_t)q.x) | spread_bits((uint64_t)q.y) << 1 | spread_bits((uint64_t)q.z) << 2;
-}
 
 static bool draft_receivers(Receivers *receivers)
 {
@@ -460,37 +441,61 @@ static void move_outside(Receivers *receivers)
     }
 }
 
-static int compare_drafts(const void *a, const void *b)
+/* Orders the receivers so that neighbours that look the same way follow each other, and cuts them into blocks.
+ * `order` receives the draft of each. */
+static bool deal_blocks(const Receivers *receivers, uint32_t *order)
 {
-    const Draft *x = a, *y = b;
-    if (x->morton != y->morton)
-        return x->morton < y->morton ? -1 : 1;
-    return x->index < y->index ? -1 : x->index > y->index;
+    Baker *baker = receivers->mesh->baker;
+    uint32_t n = receivers->count;
+    ClusterTree tree;
+    ClusterItem *items = calloc(n, sizeof *items);
+    baker->receiver_blocks = malloc(((size_t)n + 1) * sizeof *baker->receiver_blocks);
+    /* A quarter turn parts two receivers like two edges of a block. */
+    float turn = 2 * sqrtf(USUAL_BLOCK) * receivers->mesh->unit;
+    for (uint32_t r = 0; items && r < n; r++) {
+        const Draft *draft = &receivers->drafts[r];
+        Vec3 normal = vec3_scale(draft->normal, turn);
+        items[r] = (ClusterItem){{draft->place.x, draft->place.y, draft->place.z, normal.x, normal.y, normal.z}, 1};
+    }
+    if (!items || !baker->receiver_blocks || !chiaro_cluster(items, n, (n + USUAL_BLOCK - 1) / USUAL_BLOCK, &tree)) {
+        free(items);
+        return false;
+    }
+    memcpy(order, tree.order, n * sizeof *order);
+    uint32_t count = 0;
+    for (uint32_t k = 0; k < tree.node_count; k++) {
+        const ClusterNode *node = &tree.nodes[k];
+        uint32_t pieces = (node->count + CHIARO_BLOCK_ROWS - 1) / CHIARO_BLOCK_ROWS;
+        for (uint32_t piece = 0; node->left == CHIARO_NONE && piece < pieces; piece++)
+            baker->receiver_blocks[count++] = node->first + (uint32_t)((uint64_t)node->count * piece / pieces);
+    }
+    baker->receiver_blocks[count] = n;
+    baker->receiver_block_count = count;
+    chiaro_cluster_free(&tree);
+    free(items);
+    return true;
 }
 
-/* Hands the mesh over to the baker, triangles grouped by part, receivers in the order of a space-filling curve. */
+/* Hands the mesh over to the baker, triangles grouped by part, receivers block by block. */
 static bool finish(Receivers *receivers)
 {
     Mesh *mesh = receivers->mesh;
     Baker *baker = mesh->baker;
     uint32_t parts = baker->scene->part_count, n = receivers->count;
-    uint32_t *renamed = malloc(n * sizeof *renamed);
+    uint32_t *renamed = malloc(n * sizeof *renamed), *order = malloc(n * sizeof *order);
     baker->parts = calloc(parts, sizeof *baker->parts);
     baker->indices = malloc(3 * (size_t)mesh->triangle_count * sizeof *baker->indices);
     baker->receivers = calloc(n, sizeof *baker->receivers);
     baker->receiver_plane = malloc(n * sizeof *baker->receiver_plane);
-    if (!renamed || !baker->parts || !baker->indices || !baker->receivers || !baker->receiver_plane) {
+    if (!renamed || !order || !baker->parts || !baker->indices || !baker->receivers || !baker->receiver_plane ||
+        !deal_blocks(receivers, order)) {
         free(renamed);
+        free(order);
         return false;
     }
     for (uint32_t r = 0; r < n; r++) {
-        receivers->drafts[r].index = r;
-        receivers->drafts[r].morton = morton_code(baker, receivers->drafts[r].place);
-    }
-    qsort(receivers->drafts, n, sizeof *receivers->drafts, compare_drafts);
-    for (uint32_t r = 0; r < n; r++) {
-        const Draft *draft = &receivers->drafts[r];
-        renamed[draft->index] = r;
+        const Draft *draft = &receivers->drafts[order[r]];
+        renamed[order[r]] = r;
         vec3_store(baker->receivers[r].position, draft->place);
         vec3_store(baker->receivers[r].normal, draft->normal);
         baker->receiver_plane[r] = draft->plane;
@@ -498,6 +503,7 @@ static bool finish(Receivers *receivers)
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         receivers->of_vertex[v] = renamed[receivers->of_vertex[v]];
     free(renamed);
+    free(order);
     for (uint32_t t = 0; t < mesh->triangle_count; t++)
         baker->parts[mesh->triangles[t].part].index_count += 3;
     uint32_t next = 0;

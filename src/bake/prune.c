@@ -1,9 +1,8 @@
-/* Pruning: a cut that is finer than the links allow is thinned out, always by the step that costs the fit least.
+/* Pruning: a cut that is finer than can be paid is thinned out, always by the step that costs the fit least.
  *
  * A step is an equation between weights: two children weigh as their areas do (they become their parent), or a weight is
  * zero (the node goes). With the inverse P of the normal matrix, the least-squares weights w and an equation c w = 0, the
- * error that the step adds is (c w)^2 / (c P c), all other weights refitted; P and w then change by one column. A weight
- * that turns negative goes first, since no light can make darkness.
+ * error that the step adds is (c w)^2 / (c P c), all other weights refitted; P and w then change by one column.
  */
 #include "prune.h"
 
@@ -17,9 +16,10 @@ bool chiaro_prune_create(Prune *prune, const Baker *baker, uint32_t capacity, ui
     prune->place = malloc(baker->node_count * sizeof *prune->place);
     prune->nodes = malloc(capacity * sizeof *prune->nodes);
     prune->column = malloc(capacity * sizeof *prune->column);
-    bool ok = prune->parent && prune->place && prune->nodes && prune->column;
+    prune->step = malloc(capacity * sizeof *prune->step);
+    bool ok = prune->parent && prune->place && prune->nodes && prune->column && prune->step;
     for (uint32_t c = 0; c < channels; c++) {
-        prune->weights[c] = malloc(capacity * sizeof(double));
+        prune->weights[c] = malloc((size_t)capacity * CHIARO_BLOCK_RANK * sizeof(double));
         prune->inverse[c] = malloc((size_t)capacity * capacity * sizeof(double));
         ok = ok && prune->weights[c] && prune->inverse[c];
     }
@@ -39,6 +39,7 @@ void chiaro_prune_destroy(Prune *prune)
     free(prune->place);
     free(prune->nodes);
     free(prune->column);
+    free(prune->step);
     for (int c = 0; c < 3; c++) {
         free(prune->weights[c]);
         free(prune->inverse[c]);
@@ -52,7 +53,8 @@ static void add_scaled(double *restrict y, double s, const double *restrict x, u
         y[i] += s * x[i];
 }
 
-void chiaro_prune_invert(double *a, uint32_t n, uint32_t stride)
+/* In place: a = its inverse, by Gauss-Jordan; positive definite, so that no pivoting is needed. */
+static void invert(double *a, uint32_t n, uint32_t stride)
 {
     for (uint32_t k = 0; k < n; k++) {
         double *pivot = a + (size_t)k * stride;
@@ -70,10 +72,23 @@ void chiaro_prune_invert(double *a, uint32_t n, uint32_t stride)
     }
 }
 
-/* The part that an equation's error adds to the fit; what has no freedom left costs nothing. */
-static double share(double off, double freedom)
+void chiaro_prune_set(Prune *prune, uint32_t channel, const double *system, const double *right)
 {
-    return freedom > 0 ? off * off / freedom : 0;
+    uint32_t n = prune->count, rank = prune->rank;
+    double *inverse = prune->inverse[channel], *weights = prune->weights[channel];
+    for (uint32_t i = 0; i < n; i++) {
+        for (uint32_t j = 0; j < n; j++) /* the lower triangle counts */
+            inverse[(size_t)i * prune->capacity + j] = j < i ? system[(size_t)i * n + j] : system[(size_t)j * n + i];
+    }
+    invert(inverse, n, prune->capacity);
+    for (uint32_t i = 0; i < n; i++) {
+        for (uint32_t p = 0; p < rank; p++) {
+            double sum = 0;
+            for (uint32_t j = 0; j < n; j++)
+                sum += inverse[(size_t)i * prune->capacity + j] * right[(size_t)p * n + j];
+            weights[(size_t)i * rank + p] = sum;
+        }
+    }
 }
 
 /* A step: node i and its sibling j become one, or, with j = CHIARO_NONE, node i goes. */
@@ -88,48 +103,39 @@ static double step_cost(const Prune *prune, const Step *step)
     double cost = 0;
     size_t n = prune->capacity, i = step->i, j = step->j;
     for (uint32_t c = 0; c < prune->channels; c++) {
-        const double *p = prune->inverse[c], *w = prune->weights[c];
+        const double *p = prune->inverse[c], *w = prune->weights[c] + i * prune->rank;
+        double square = 0, freedom = p[i * n + i], a = step->share_j, b = step->share_i;
         if (step->j == CHIARO_NONE) {
-            cost += share(w[i], p[i * n + i]);
-            continue;
+            for (uint32_t k = 0; k < prune->rank; k++)
+                square += w[k] * w[k];
+        } else {
+            const double *v = prune->weights[c] + j * prune->rank;
+            for (uint32_t k = 0; k < prune->rank; k++)
+                square += (a * w[k] - b * v[k]) * (a * w[k] - b * v[k]);
+            freedom = a * a * p[i * n + i] - 2 * a * b * p[i * n + j] + b * b * p[j * n + j];
         }
-        double a = step->share_j, b = step->share_i, off = a * w[i] - b * w[j];
-        cost += share(off, a * a * p[i * n + i] - 2 * a * b * p[i * n + j] + b * b * p[j * n + j]);
+        cost += freedom > 0 ? square / freedom : 0; /* what has no freedom left costs nothing */
     }
     return cost;
 }
 
-static bool is_negative(const Prune *prune, uint32_t i)
-{
-    for (uint32_t c = 0; c < prune->channels; c++) {
-        if (prune->weights[c][i] < 0)
-            return true;
-    }
-    return false;
-}
-
-/* The cheapest step; with `negative`, of those that take a negative weight away. */
-static Step choose(const Prune *prune, bool negative)
+/* The cheapest step. */
+static Step choose(const Prune *prune)
 {
     const Baker *baker = prune->baker;
     Step best = {.cost = INFINITY};
     for (uint32_t i = 0; i < prune->count; i++) {
         uint32_t parent = prune->parent[prune->nodes[i]];
-        bool taken = !negative || is_negative(prune, i);
-        if (taken) {
-            Step step = {.i = i, .j = CHIARO_NONE};
-            step.cost = step_cost(prune, &step);
-            best = step.cost < best.cost ? step : best;
-        }
+        Step step = {.i = i, .j = CHIARO_NONE};
+        step.cost = step_cost(prune, &step);
+        best = step.cost < best.cost || i == 0 ? step : best;
         if (parent == CHIARO_NONE || (parent == baker->root && baker->sky_count))
             continue;
         const ChiaroNode *up = &baker->nodes[parent];
         if (prune->nodes[i] != up->left || prune->place[up->right] == CHIARO_NONE)
             continue;
-        Step step = {.i = i, .j = prune->place[up->right]};
+        step.j = prune->place[up->right];
         step.share_i = baker->nodes[up->left].area / up->area, step.share_j = 1 - step.share_i;
-        if (!taken && !is_negative(prune, step.j))
-            continue;
         step.cost = step_cost(prune, &step);
         best = step.cost < best.cost ? step : best;
     }
@@ -148,7 +154,8 @@ static void remove_node(Prune *prune, uint32_t i)
     prune->place[prune->nodes[i]] = i;
     for (uint32_t c = 0; c < prune->channels; c++) {
         double *p = prune->inverse[c];
-        prune->weights[c][i] = prune->weights[c][last];
+        memcpy(prune->weights[c] + (size_t)i * prune->rank, prune->weights[c] + (size_t)last * prune->rank,
+               prune->rank * sizeof(double));
         memcpy(p + i * n, p + last * n, (last + 1) * sizeof *p);
         p[i * n + i] = p[last * n + last];
         for (uint32_t k = 0; k < last; k++)
@@ -160,22 +167,25 @@ static void take(Prune *prune, const Step *step)
 {
     size_t n = prune->capacity, i = step->i, j = step->j;
     bool merge = step->j != CHIARO_NONE;
-    uint32_t count = prune->count;
+    uint32_t count = prune->count, rank = prune->rank;
     for (uint32_t c = 0; c < prune->channels; c++) {
         double *p = prune->inverse[c], *w = prune->weights[c], *column = prune->column;
         double a = merge ? step->share_j : 1, b = step->share_i;
         for (uint32_t k = 0; k < count; k++)
             column[k] = a * p[i * n + k] - (merge ? b * p[j * n + k] : 0);
         double freedom = a * column[i] - (merge ? b * column[j] : 0), scale = freedom > 0 ? 1 / freedom : 0;
-        double off = a * w[i] - (merge ? b * w[j] : 0);
-        add_scaled(w, -off * scale, column, count);
-        for (uint32_t k = 0; k < count; k++)
+        for (uint32_t k = 0; k < rank; k++)
+            prune->step[k] = (a * w[i * rank + k] - (merge ? b * w[j * rank + k] : 0)) * scale;
+        for (uint32_t k = 0; k < count; k++) {
+            add_scaled(w + (size_t)k * rank, -column[k], prune->step, rank);
             add_scaled(p + k * n, -column[k] * scale, column, count);
+        }
         if (!merge)
             continue;
         /* Node i becomes the parent, in whose weight each child has its share. */
         double grow = 1 / step->share_i;
-        w[i] *= grow;
+        for (uint32_t k = 0; k < rank; k++)
+            w[i * rank + k] *= grow;
         for (uint32_t k = 0; k < count; k++)
             p[i * n + k] *= grow;
         for (uint32_t k = 0; k < count; k++)
@@ -195,10 +205,7 @@ void chiaro_prune(Prune *prune, uint32_t most)
     for (uint32_t i = 0; i < prune->count; i++)
         prune->place[prune->nodes[i]] = i;
     while (prune->count > most) {
-        bool negative = false;
-        for (uint32_t i = 0; i < prune->count && !negative; i++)
-            negative = is_negative(prune, i);
-        Step step = choose(prune, negative);
+        Step step = choose(prune);
         take(prune, &step);
     }
     for (uint32_t i = 0; i < prune->count; i++)

@@ -1,26 +1,30 @@
-/* From a fine cut to K nodes: what fit.c asks of prune.c. */
+/* Backward elimination: which nodes of a fine cut a block of links can do without. */
 #ifndef CHIARO_PRUNE_H
 #define CHIARO_PRUNE_H
 
 #include "bake.h"
+#include "chiaro_shared.h"
 
-/* Nodes with the least-squares weights of each channel, and the inverse of each channel's normal matrix. */
+/* Least-squares problems over the same nodes, one a channel, each with a right side for every pattern. */
 typedef struct Prune {
     const Baker *baker;
-    uint32_t *parent; /* of each node of the tree */
-    uint32_t *place;  /* of each node among `nodes`; CHIARO_NONE: not there */
-    uint32_t *nodes, count, capacity, channels;
-    double *weights[3], *inverse[3]; /* matrices have rows of `capacity` */
-    double *column;
+    uint32_t capacity, channels;
+    uint32_t rank, count;
+    uint32_t *nodes;
+    double *inverse[3]; /* of the normal matrix: capacity x capacity */
+    double *weights[3]; /* [node][pattern] */
+    uint32_t *parent, *place; /* of each node of the tree: its parent; its place in `nodes` */
+    double *column, *step;
 } Prune;
 
 bool chiaro_prune_create(Prune *prune, const Baker *baker, uint32_t capacity, uint32_t channels);
 void chiaro_prune_destroy(Prune *prune);
 
-/* In place: the inverse of a symmetric positive matrix of n rows of `stride`; rows that are not independent become zero. */
-void chiaro_prune_invert(double *matrix, uint32_t n, uint32_t stride);
+/* Sets one channel's problem: `system` is the positive definite normal matrix of prune->count nodes, `right` the right sides
+ * as [pattern][node]. */
+void chiaro_prune_set(Prune *prune, uint32_t channel, const double *system, const double *right);
 
-/* `nodes`, `count`, `weights` and `inverse` hold the fine cut: leaves `most` nodes. */
+/* Thins prune->nodes out to at most `most`. */
 void chiaro_prune(Prune *prune, uint32_t most);
 
 #endif

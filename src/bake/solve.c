@@ -8,6 +8,7 @@
 #include "../offline/parallel.h"
 #include "bake.h"
 #include "kernels.h"
+#include "linear.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -16,41 +17,6 @@ enum { CLUSTERS = 96, BLOCK = CHIARO_COLUMN_BLOCK, MAX_SWEEPS = 40 };
 static const float TOLERANCE = 3e-4f;
 /* Mean square of a training light on the surfaces against that of its source, below which it is left out. */
 static const double LEAST_LIGHT = 1e-3;
-
-/* In place: a = its own inverse, by Gauss-Jordan with partial pivoting. False: singular. */
-static bool invert(double *a, uint32_t n)
-{
-    double *b = calloc((size_t)n * n, sizeof *b);
-    if (!b)
-        return false;
-    for (uint32_t i = 0; i < n; i++)
-        b[(size_t)i * n + i] = 1;
-    bool ok = true;
-    for (uint32_t c = 0; c < n && ok; c++) {
-        uint32_t pivot = c;
-        for (uint32_t r = c + 1; r < n; r++)
-            pivot = fabs(a[(size_t)r * n + c]) > fabs(a[(size_t)pivot * n + c]) ? r : pivot;
-        ok = fabs(a[(size_t)pivot * n + c]) > 1e-300;
-        double inverse = ok ? 1 / a[(size_t)pivot * n + c] : 0;
-        for (uint32_t k = 0; k < n && ok; k++) {
-            double p = a[(size_t)pivot * n + k], q = b[(size_t)pivot * n + k];
-            a[(size_t)pivot * n + k] = a[(size_t)c * n + k], b[(size_t)pivot * n + k] = b[(size_t)c * n + k];
-            a[(size_t)c * n + k] = p * inverse, b[(size_t)c * n + k] = q * inverse;
-        }
-        for (uint32_t r = 0; r < n && ok; r++) {
-            double f = a[(size_t)r * n + c];
-            if (r == c || f == 0)
-                continue;
-            for (uint32_t k = 0; k < n; k++) {
-                a[(size_t)r * n + k] -= f * a[(size_t)c * n + k];
-                b[(size_t)r * n + k] -= f * b[(size_t)c * n + k];
-            }
-        }
-    }
-    memcpy(a, b, (size_t)n * n * sizeof *a);
-    free(b);
-    return ok;
-}
 
 /* The largest nodes of at most this many leaves, in the order of leaves: they cover every sample once. */
 static uint32_t collect_clusters(const Baker *baker, uint32_t node, uint32_t most, uint32_t *clusters, uint32_t count)
@@ -67,18 +33,11 @@ static uint32_t collect_clusters(const Baker *baker, uint32_t node, uint32_t mos
     return collect_clusters(baker, n->right, most, clusters, count);
 }
 
-void chiaro_row_to_clusters(const Baker *baker, const RowEntry *row, size_t count, float *sums)
+/* Adds what a row sends to each cluster to sums[cluster]. */
+static void add_to_clusters(const Baker *baker, const RowEntry *row, size_t count, float *sums)
 {
-    for (size_t e = 0; e < count; e++) {
-        const ChiaroNode *node = &baker->nodes[row[e].node];
-        for (uint32_t s = node->first; s < node->first + node->count && s < baker->sample_count;) {
-            uint32_t i = baker->sample_cluster[s];
-            const ChiaroNode *cluster = &baker->nodes[baker->clusters[i]];
-            bool inside = node->count <= cluster->count;
-            sums[i] += row[e].weight * (inside ? 1 : cluster->area / node->area);
-            s = inside ? node->first + node->count : cluster->first + cluster->count;
-        }
-    }
+    for (size_t e = 0; e < count && row[e].node < baker->sample_count; e++)
+        sums[baker->sample_cluster[row[e].node]] += row[e].weight;
 }
 
 /* Inverse of the system on clusters, area-weighted, one matrix a channel: response[c][i][j] is the radiosity of cluster i
@@ -114,12 +73,11 @@ static ChiaroResult coarse_inverse(Baker *baker)
             double share = baker->samples[s].area / baker->nodes[baker->clusters[i]].area;
             a[(size_t)i * n + i] += share;
             memset(row, 0, n * sizeof *row);
-            chiaro_row_to_clusters(baker, baker->rows + baker->row_first[s],
-                                   baker->row_first[s + 1] - baker->row_first[s], row);
+            add_to_clusters(baker, baker->rows + baker->row_first[s], baker->row_first[s + 1] - baker->row_first[s], row);
             for (uint32_t j = 0; j < n; j++)
                 a[(size_t)i * n + j] -= share * baker->samples[s].albedo[c] * row[j];
         }
-        if (!invert(a, n))
+        if (!chiaro_matrix_invert(a, n))
             result = CHIARO_ERROR_MEMORY; /* the matrix is diagonally dominant: it cannot be singular */
     }
     free(row);

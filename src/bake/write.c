@@ -5,6 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+static ChiaroLinks links_of(const LinkTable *table)
+{
+    return (ChiaroLinks){table->blocks, table->nodes, table->weights, table->block_count, table->node_count,
+                         table->weight_count};
+}
+
 ChiaroResult chiaro_bake_write(Baker *baker, ChiaroBlob *blob)
 {
     ChiaroTransport t = {
@@ -15,11 +21,9 @@ ChiaroResult chiaro_bake_write(Baker *baker, ChiaroBlob *blob)
         .leaf_weights = baker->leaf_weights,
         .sky_directions = baker->sky_directions,
         .nodes = baker->nodes,
-        .sample_links = baker->sample_links,
-        .sample_scales = baker->sample_scales,
         .receivers = baker->receivers,
-        .receiver_links = baker->receiver_links,
-        .receiver_scales = baker->receiver_scales,
+        .sample_links = links_of(&baker->sample_links),
+        .receiver_links = links_of(&baker->receiver_links),
         .vertices = baker->vertices,
         .vertex_receivers = baker->vertex_receivers,
         .indices = baker->indices,
@@ -29,7 +33,6 @@ ChiaroResult chiaro_bake_write(Baker *baker, ChiaroBlob *blob)
         .sky_count = baker->sky_count,
         .leaf_count = baker->leaf_count,
         .node_count = baker->node_count,
-        .sample_row_count = baker->sample_row_count,
         .receiver_count = baker->receiver_count,
         .vertex_count = baker->vertex_count,
         .index_count = baker->index_count,

@@ -12,11 +12,6 @@
 #include <stdio.h>
 #include <string.h>
 
-uint64_t chiaro_link_words(uint32_t rows, uint32_t links)
-{
-    return ((uint64_t)rows + CHIARO_LINK_BLOCK - 1) / CHIARO_LINK_BLOCK * CHIARO_LINK_BLOCK * links;
-}
-
 void chiaro_file_arrays(ChiaroTransport *t, ChiaroFileArray arrays[CHIARO_FILE_ARRAYS])
 {
     uint32_t n = 0;
@@ -27,11 +22,13 @@ void chiaro_file_arrays(ChiaroTransport *t, ChiaroFileArray arrays[CHIARO_FILE_A
     ARRAY(leaf_weights, t->leaf_count);
     ARRAY(sky_directions, 4 * (uint64_t)t->sky_count);
     ARRAY(nodes, t->node_count);
-    ARRAY(sample_links, chiaro_link_words(t->sample_row_count, t->info.sample_links));
-    ARRAY(sample_scales, 4 * ((uint64_t)t->sample_row_count + 1));
+    ARRAY(sample_links.blocks, t->sample_links.block_count);
+    ARRAY(sample_links.nodes, t->sample_links.node_count);
+    ARRAY(sample_links.weights, t->sample_links.weight_count);
     ARRAY(receivers, t->receiver_count);
-    ARRAY(receiver_links, chiaro_link_words(t->receiver_count, t->info.receiver_links));
-    ARRAY(receiver_scales, t->receiver_count);
+    ARRAY(receiver_links.blocks, t->receiver_links.block_count);
+    ARRAY(receiver_links.nodes, t->receiver_links.node_count);
+    ARRAY(receiver_links.weights, t->receiver_links.weight_count);
     ARRAY(vertices, t->vertex_count);
     ARRAY(vertex_receivers, t->vertex_count);
     ARRAY(indices, t->index_count);
@@ -50,7 +47,9 @@ void chiaro_file_arrays(ChiaroTransport *t, ChiaroFileArray arrays[CHIARO_FILE_A
 /* Every 32-bit count, in file order. */
 #define COUNTS(X)                                                                                                      \
     X(sample_count) X(point_count) X(sky_count) X(leaf_count) X(node_count) X(receiver_count) X(vertex_count)          \
-    X(index_count) X(sample_row_count) X(small_node_end) X(part_count) X(scene.vertex_count) X(scene.index_count) X(scene.part_count)      \
+    X(index_count) X(small_node_end) X(part_count) X(sample_links.block_count) X(sample_links.node_count)              \
+    X(sample_links.weight_count) X(receiver_links.block_count) X(receiver_links.node_count)                            \
+    X(receiver_links.weight_count) X(scene.vertex_count) X(scene.index_count) X(scene.part_count)                      \
     X(scene.material_count) X(scene.texture_count) X(scene.light_count) X(scene.camera_count)
 
 void chiaro_file_store_counts(const ChiaroTransport *transport, uint64_t counts[CHIARO_FILE_COUNTS])
@@ -120,7 +119,7 @@ static bool all_finite(const float *values, size_t count)
 static bool nodes_sound(const ChiaroTransport *t, const ChiaroLog *log)
 {
     if (t->leaf_count != (uint64_t)t->sample_count + t->sky_count || t->node_count < t->leaf_count ||
-        t->node_count > CHIARO_LINK_NODE_MASK || t->small_node_end < t->leaf_count || t->small_node_end > t->node_count)
+        t->small_node_end < t->leaf_count || t->small_node_end > t->node_count)
         return fault(log, "counts of samples, leaves and nodes do not agree");
     for (uint32_t n = 0; n < t->node_count; n++) {
         const ChiaroNode *node = &t->nodes[n];
@@ -169,27 +168,29 @@ static bool samples_sound(const ChiaroTransport *t, const ChiaroLog *log)
            fault(log, "points or leaves hold numbers that are not finite");
 }
 
-static bool links_sound(const ChiaroTransport *t, const ChiaroLog *log)
+static bool links_sound(const ChiaroTransport *t, const ChiaroLinks *links, uint32_t rows, const char *of,
+                        const ChiaroLog *log)
 {
-    uint64_t words = chiaro_link_words(t->sample_row_count, t->info.sample_links);
-    for (uint64_t k = 0; k < words; k++) {
-        if ((t->sample_links[k].node_red & CHIARO_LINK_NODE_MASK) >= t->node_count)
-            return fault(log, "a sample link points outside the tree");
+    uint64_t next = 0;
+    for (uint32_t b = 0; b < links->block_count; b++) {
+        const ChiaroBlock *block = &links->blocks[b];
+        bool small = block->row_count <= CHIARO_BLOCK_ROWS && block->node_count <= CHIARO_BLOCK_NODES &&
+                     block->rank <= CHIARO_BLOCK_RANK && (block->channels == 1 || block->channels == 3);
+        if (!small || block->first_row != next ||
+            (uint64_t)block->first_node + block->node_count > links->node_count ||
+            (uint64_t)block->first_weight + (uint64_t)block->channels * block->rank * block->node_count > links->weight_count ||
+            (uint64_t)block->first_share + (uint64_t)block->rank * block->row_count > links->weight_count)
+            return fault(log, "block %u of the links of %s is out of range", b, of);
+        next += block->row_count;
     }
-    for (uint32_t row = 0; row <= t->sample_row_count; row++) {
-        /* First samples rise from 0 to the number of samples. */
-        float first = t->sample_scales[4 * (size_t)row + 3], before = row ? t->sample_scales[4 * (size_t)row - 1] : 0;
-        if (!(first >= before) || (row == 0 && first != 0) || (row == t->sample_row_count && first != (float)t->sample_count))
-            return fault(log, "the rows of sample links do not cover the samples");
+    if (next != rows)
+        return fault(log, "the links of %s serve %llu of %u", of, (unsigned long long)next, rows);
+    for (uint32_t k = 0; k < links->node_count; k++) {
+        if (links->nodes[k] >= t->node_count)
+            return fault(log, "a link of %s points outside the tree", of);
     }
-    words = chiaro_link_words(t->receiver_count, t->info.receiver_links);
-    for (uint64_t k = 0; k < words; k++) {
-        if ((t->receiver_links[k] & CHIARO_LINK_NODE_MASK) >= t->node_count)
-            return fault(log, "a receiver link points outside the tree");
-    }
-    return (all_finite(t->sample_scales, 4 * ((size_t)t->sample_row_count + 1)) &&
-            all_finite(t->receiver_scales, t->receiver_count)) ||
-           fault(log, "links hold weights that are not finite");
+    return all_finite(links->weights, links->weight_count) ||
+           fault(log, "the links of %s hold weights that are not finite", of);
 }
 
 static bool mesh_sound(const ChiaroTransport *t, const ChiaroLog *log)
@@ -237,7 +238,7 @@ ChiaroResult chiaro_transport_open(const void *data, size_t size, ChiaroTranspor
     }
     ChiaroTransport t = {.info = header->info};
     ChiaroFileArray arrays[CHIARO_FILE_ARRAYS];
-    bool sound = chiaro_file_load_counts(&t, header->counts) && t.info.sample_links <= 4096 && t.info.receiver_links <= 4096;
+    bool sound = chiaro_file_load_counts(&t, header->counts);
     uint64_t offset = chiaro_file_align(sizeof *header);
     if (sound)
         chiaro_file_arrays(&t, arrays);
@@ -250,7 +251,9 @@ ChiaroResult chiaro_transport_open(const void *data, size_t size, ChiaroTranspor
         fault(log, "the sizes of its parts do not add up");
         return CHIARO_ERROR_DATA;
     }
-    if (!nodes_sound(&t, log) || !sky_sound(&t, log) || !samples_sound(&t, log) || !links_sound(&t, log) || !mesh_sound(&t, log) ||
+    if (!nodes_sound(&t, log) || !sky_sound(&t, log) || !samples_sound(&t, log) ||
+        !links_sound(&t, &t.sample_links, t.sample_count, "samples", log) ||
+        !links_sound(&t, &t.receiver_links, t.receiver_count, "receivers", log) || !mesh_sound(&t, log) ||
         chiaro_scene_check(&t.scene, log) != CHIARO_OK)
         return CHIARO_ERROR_DATA;
     *transport = t;

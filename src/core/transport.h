@@ -9,7 +9,7 @@
 #include "chiaro/chiaro.h"
 
 #define CHIARO_FILE_MAGIC "CHIARO\r\n"
-enum { CHIARO_FILE_VERSION = 1, CHIARO_FILE_ENDIAN = 0x01020304, CHIARO_FILE_ALIGNMENT = 64, CHIARO_FILE_COUNTS = 24 };
+enum { CHIARO_FILE_VERSION = 2, CHIARO_FILE_ENDIAN = 0x01020304, CHIARO_FILE_ALIGNMENT = 64, CHIARO_FILE_COUNTS = 24 };
 
 typedef struct ChiaroFileHeader {
     char magic[8];
@@ -26,7 +26,7 @@ typedef struct ChiaroFileArray {
     size_t stride;
 } ChiaroFileArray;
 
-enum { CHIARO_FILE_ARRAYS = 22 };
+enum { CHIARO_FILE_ARRAYS = 24 };
 
 /* The arrays of a transport, in file order, sized by its counts. */
 void chiaro_file_arrays(ChiaroTransport *transport, ChiaroFileArray arrays[CHIARO_FILE_ARRAYS]);
@@ -41,7 +41,5 @@ uint64_t chiaro_file_align(uint64_t offset);
 /* Checksum of a block of `size` bytes (a multiple of 8), header included. */
 uint64_t chiaro_file_checksum(const void *data, size_t size);
 
-/* Rows of links are padded to whole blocks: words for `rows` rows of `links` links. */
-uint64_t chiaro_link_words(uint32_t rows, uint32_t links);
 
 #endif

@@ -159,8 +159,8 @@ typedef struct SceneState {
     Arena *gi_arena; /* baked transport */
     DeviceBuffer vertices, indices, vertex_receivers;        /* what is drawn */
     DeviceBuffer shadow_vertices, shadow_uvs, shadow_indices; /* what casts shadows: the scene as it was given */
-    DeviceBuffer samples, points, weights, sources, values, sample_links, sample_scales, receiver_links,
-        receiver_scales, irradiance;
+    DeviceBuffer samples, points, weights, sources, values, sample_blocks, sample_nodes, sample_weights, receiver_blocks,
+        receiver_nodes, receiver_weights, irradiance;
     VkDescriptorSet *texture_sets;
     VkDescriptorSet gi_set, irradiance_set;
     DrawPart *parts; /* sorted by surface */

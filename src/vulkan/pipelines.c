@@ -96,7 +96,7 @@ ChiaroResult chiaro_layouts_create(ChiaroVulkan *context)
     Arena *arena = context->layouts.arena = chiaro_arena_create(context);
     if (!arena)
         return CHIARO_ERROR_MEMORY;
-    enum { GI_BINDINGS = 10 };
+    enum { GI_BINDINGS = 12 };
     const VkShaderStageFlags fragment = VK_SHADER_STAGE_FRAGMENT_BIT, compute = VK_SHADER_STAGE_COMPUTE_BIT;
     const VkDescriptorType buffer = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, image = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER;
     VkDescriptorSetLayoutBinding lights[] = {{0, buffer, 1, fragment | compute, NULL},

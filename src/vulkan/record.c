@@ -187,7 +187,7 @@ static void record_tree(ChiaroVulkan *context, VkCommandBuffer commands, uint32_
 {
     const ChiaroTransport *t = &context->scene.transport;
     uint32_t small = t->small_node_end - t->leaf_count, large = t->node_count - t->small_node_end;
-    ChiaroComputePush push = {.range = {t->leaf_count, small}, .more = {half}};
+    ChiaroComputePush push = {.range = {t->leaf_count, small, half}};
     dispatch(context, commands, GI_TREE, small, &push);
     push.range[0] = t->small_node_end;
     push.range[1] = large;
@@ -201,12 +201,13 @@ static void record_gi(ChiaroVulkan *context, VkCommandBuffer commands)
     ChiaroComputePush samples = {.range = {0, t->sample_count}};
     dispatch(context, commands, lit, t->sample_count, &samples);
     record_tree(context, commands, 0);
-    ChiaroComputePush bounces = {.range = {0, t->sample_row_count, t->info.sample_links},
-                                 .more = {t->node_count, t->sample_count, t->leaf_count}};
-    dispatch(context, commands, GI_GATHER_SAMPLES, t->sample_row_count + t->sky_count, &bounces);
+    ChiaroComputePush bounces = {.range = {0, t->sample_links.block_count, 0, t->node_count},
+                                 .more = {t->sample_count, t->leaf_count}};
+    dispatch(context, commands, GI_GATHER_SAMPLES, t->sample_links.block_count * CHIARO_GROUP_SIZE + t->sky_count,
+             &bounces);
     record_tree(context, commands, t->node_count);
-    ChiaroComputePush receivers = {.range = {0, t->receiver_count, t->info.receiver_links, t->node_count}};
-    dispatch(context, commands, GI_GATHER_RECEIVERS, t->receiver_count, &receivers);
+    ChiaroComputePush receivers = {.range = {0, t->receiver_links.block_count, t->node_count}};
+    dispatch(context, commands, GI_GATHER_RECEIVERS, t->receiver_links.block_count * CHIARO_GROUP_SIZE, &receivers);
 }
 
 /* ---- update ------------------------------------------------------------------------------------------------------- */

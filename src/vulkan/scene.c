@@ -161,12 +161,6 @@ static void create_mesh(ChiaroVulkan *context, const ChiaroTransport *transport)
             chiaro_arena_buffer(context, state->arena, 12 * (uint64_t)scene->vertex_count, vertex, false, bytes);
 }
 
-/* Rows of a table of links, padded to whole blocks. */
-static uint64_t link_words(uint32_t rows, uint32_t links)
-{
-    return ((uint64_t)rows + CHIARO_LINK_BLOCK - 1) / CHIARO_LINK_BLOCK * CHIARO_LINK_BLOCK * links;
-}
-
 static void create_gi(ChiaroVulkan *context, const ChiaroTransport *transport)
 {
     SceneState *state = &context->scene;
@@ -184,15 +178,17 @@ static void create_gi(ChiaroVulkan *context, const ChiaroTransport *transport)
         {&state->weights, nodes * sizeof(float), usage},
         {&state->sources, nodes * 2 * sizeof(uint32_t), usage},
         {&state->values, 2 * nodes * 16, usage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT},
-        {&state->sample_links, link_words(transport->sample_row_count, transport->info.sample_links) * 8, usage},
-        {&state->sample_scales, ((uint64_t)transport->sample_row_count + 1) * 16, usage},
-        {&state->receiver_links, link_words(transport->receiver_count, transport->info.receiver_links) * 4, usage},
-        {&state->receiver_scales, receivers * sizeof(float), usage},
+        {&state->sample_blocks, transport->sample_links.block_count * sizeof(ChiaroGpuBlock), usage},
+        {&state->sample_nodes, transport->sample_links.node_count * sizeof(uint32_t), usage},
+        {&state->sample_weights, transport->sample_links.weight_count * sizeof(float), usage},
+        {&state->receiver_blocks, transport->receiver_links.block_count * sizeof(ChiaroGpuBlock), usage},
+        {&state->receiver_nodes, transport->receiver_links.node_count * sizeof(uint32_t), usage},
+        {&state->receiver_weights, transport->receiver_links.weight_count * sizeof(float), usage},
         {&state->irradiance, receivers * 16, usage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT},
         {&state->vertex_receivers, transport->vertex_count * sizeof(uint32_t),
          VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT},
     };
-    const uint32_t bindings = 10;
+    const uint32_t bindings = 12;
     for (uint32_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++)
         *wanted[i].buffer =
             chiaro_arena_buffer(context, arena, wanted[i].size, wanted[i].usage, false, &state->gi_bytes);
@@ -260,10 +256,12 @@ static void fill_gi(ChiaroVulkan *context, const ChiaroTransport *transport, Upl
         sources[2 * (size_t)i + 1] = transport->nodes[i].source_count;
     }
     put(context, upload, state->points, transport->points);
-    put(context, upload, state->sample_links, transport->sample_links);
-    put(context, upload, state->sample_scales, transport->sample_scales);
-    put(context, upload, state->receiver_links, transport->receiver_links);
-    put(context, upload, state->receiver_scales, transport->receiver_scales);
+    put(context, upload, state->sample_blocks, transport->sample_links.blocks);
+    put(context, upload, state->sample_nodes, transport->sample_links.nodes);
+    put(context, upload, state->sample_weights, transport->sample_links.weights);
+    put(context, upload, state->receiver_blocks, transport->receiver_links.blocks);
+    put(context, upload, state->receiver_nodes, transport->receiver_links.nodes);
+    put(context, upload, state->receiver_weights, transport->receiver_links.weights);
     put(context, upload, state->vertex_receivers, transport->vertex_receivers);
 }
 
@@ -273,8 +271,9 @@ static uint64_t staging_size(const SceneState *state)
     const DeviceBuffer all[] = {state->vertices,        state->indices,      state->shadow_vertices,
                                 state->shadow_indices,  state->shadow_uvs,   state->samples,
                                 state->points,          state->weights,      state->sources,
-                                state->sample_links,    state->sample_scales, state->receiver_links,
-                                state->receiver_scales, state->vertex_receivers};
+                                state->sample_blocks,   state->sample_nodes, state->sample_weights,
+                                state->receiver_blocks, state->receiver_nodes, state->receiver_weights,
+                                state->vertex_receivers};
     uint64_t size = 0;
     for (uint32_t i = 0; i < sizeof all / sizeof all[0]; i++)
         size += chiaro_upload_size(all[i].size);
@@ -283,7 +282,8 @@ static uint64_t staging_size(const SceneState *state)
 
 static bool has_transport(const ChiaroTransport *transport)
 {
-    return transport->sample_count > 0 && transport->receiver_count > 0 && transport->info.receiver_links > 0;
+    return transport->sample_count > 0 && transport->receiver_count > 0 && transport->receiver_links.weight_count > 0 &&
+           transport->sample_links.weight_count > 0;
 }
 
 static ChiaroResult check_transport(const ChiaroVulkan *context, const ChiaroTransport *transport)

@@ -13,11 +13,10 @@ typedef struct Made {
     ChiaroTransport t;
     ChiaroSample *samples;
     ChiaroPoint *points;
-    float *leaf_weights, *sky_directions, *sample_scales, *receiver_scales;
+    float *leaf_weights, *sky_directions;
     ChiaroNode *nodes;
-    ChiaroLinkRgb *sample_links;
     ChiaroReceiver *receivers;
-    uint32_t *receiver_links, *vertex_receivers, *indices;
+    uint32_t *vertex_receivers, *indices;
     ChiaroVertex *vertices;
     ChiaroPart *parts;
 } Made;
@@ -147,34 +146,41 @@ static void make_nodes(Made *made)
         }
 }
 
-static uint32_t random_word(ChiaroRandom *random, uint32_t nodes)
+/* Blocks of one row, of a few, and of as many as may be; of one pattern and of many; with one channel and with three. */
+static ChiaroLinks make_links(uint32_t rows, uint32_t nodes, uint32_t links, uint64_t seed)
 {
-    uint32_t weight = chiaro_random_bits(random) % (2 * CHIARO_LINK_WEIGHT_MAX) - CHIARO_LINK_WEIGHT_MAX / 2;
-    return weight << CHIARO_LINK_NODE_BITS | chiaro_random_bits(random) % nodes;
+    ChiaroRandom random = chiaro_random_seed(7, seed);
+    uint32_t most = rows + 1, words = 0;
+    ChiaroBlock *blocks = array(most, sizeof *blocks);
+    uint32_t *cut = array((size_t)most * (links + 40), sizeof *cut);
+    ChiaroLinks table = {.blocks = blocks, .nodes = cut};
+    for (uint32_t row = 0; row < rows; table.block_count++) {
+        const uint32_t sizes[4] = {1, 5, CHIARO_BLOCK_ROWS, 33}, i = table.block_count;
+        uint32_t size = sizes[i % 4] < rows - row ? sizes[i % 4] : rows - row;
+        ChiaroBlock *block = &blocks[i];
+        *block = (ChiaroBlock){.first_row = row, .row_count = size, .first_node = table.node_count, .first_weight = words};
+        block->rank = 1 + i % CHIARO_BLOCK_RANK;
+        block->node_count = links + 4 * (i % 10);
+        block->channels = i % 3 ? 3 : 1;
+        block->first_share = words + block->channels * block->rank * block->node_count;
+        words = block->first_share + block->rank * size;
+        for (uint32_t k = 0; k < block->node_count; k++)
+            cut[table.node_count++] = chiaro_random_bits(&random) % nodes;
+        row += size;
+    }
+    float *weights = array(words, sizeof *weights);
+    for (uint32_t k = 0; k < words; k++)
+        weights[k] = chiaro_random_float(&random) / sqrtf((float)links * CHIARO_BLOCK_RANK);
+    table.weights = weights;
+    table.weight_count = words;
+    return table;
 }
 
-static void make_links(Made *made, uint32_t links)
+static void free_links(const ChiaroLinks *links)
 {
-    ChiaroTransport *t = &made->t;
-    ChiaroRandom random = chiaro_random_seed(7, 0);
-    float scale = 1 / ((float)links * CHIARO_LINK_WEIGHT_MAX);
-    /* Rows serve 1, 2, 3, 1, 2, 3 ... samples; the last what is left. */
-    uint32_t row = 0;
-    for (uint32_t s = 0; s < t->sample_count; s += 1 + row++ % 3) {
-        for (uint32_t k = 0; k < links; k++)
-            made->sample_links[CHIARO_LINK_INDEX(row, k, links)] =
-                (ChiaroLinkRgb){random_word(&random, t->node_count), chiaro_random_bits(&random)};
-        made->sample_scales[4 * row] = scale;
-        made->sample_scales[4 * row + 1] = made->sample_scales[4 * row + 2] = scale / 4;
-        made->sample_scales[4 * row + 3] = (float)s;
-    }
-    made->sample_scales[4 * row + 3] = (float)t->sample_count;
-    t->sample_row_count = row;
-    for (uint32_t r = 0; r < t->receiver_count; r++) {
-        for (uint32_t k = 0; k < links; k++)
-            made->receiver_links[CHIARO_LINK_INDEX(r, k, links)] = random_word(&random, t->node_count);
-        made->receiver_scales[r] = scale;
-    }
+    free((void *)(uintptr_t)links->blocks);
+    free((void *)(uintptr_t)links->nodes);
+    free((void *)(uintptr_t)links->weights);
 }
 
 static void allocate(Made *made, const ChiaroScene *scene, const MadeTransportDesc *desc)
@@ -183,7 +189,6 @@ static void allocate(Made *made, const ChiaroScene *scene, const MadeTransportDe
     size_t triangles = scene->index_count / 3, cut = desc->mesh_steps, sampled = desc->sample_steps;
     size_t vertices = triangles * (cut + 1) * (cut + 2) / 2, samples = triangles * sampled * sampled;
     size_t leaves = samples + CHIARO_SKY_TEXELS;
-    size_t rows = (samples > vertices ? samples : vertices) + CHIARO_LINK_BLOCK;
     t->vertices = made->vertices = array(vertices, sizeof *made->vertices);
     t->vertex_receivers = made->vertex_receivers = array(vertices, sizeof(uint32_t));
     t->indices = made->indices = array(3 * triangles * cut * cut, sizeof(uint32_t));
@@ -193,11 +198,7 @@ static void allocate(Made *made, const ChiaroScene *scene, const MadeTransportDe
     t->leaf_weights = made->leaf_weights = array(leaves, sizeof(float));
     t->sky_directions = made->sky_directions = array(CHIARO_SKY_TEXELS, 4 * sizeof(float));
     t->nodes = made->nodes = array(2 * leaves + 64, sizeof *made->nodes);
-    t->sample_links = made->sample_links = array(rows * desc->links, sizeof *made->sample_links);
-    t->sample_scales = made->sample_scales = array(rows, 4 * sizeof(float));
     t->receivers = made->receivers = array(vertices, sizeof *made->receivers);
-    t->receiver_links = made->receiver_links = array(rows * desc->links, sizeof(uint32_t));
-    t->receiver_scales = made->receiver_scales = array(rows, sizeof(float));
 }
 
 ChiaroTransport made_transport(const ChiaroScene *scene, const MadeTransportDesc *desc)
@@ -219,7 +220,7 @@ ChiaroTransport made_transport(const ChiaroScene *scene, const MadeTransportDesc
     t->receiver_count = t->vertex_count;
     t->sky_count = desc->sky ? CHIARO_SKY_TEXELS : 0;
     t->leaf_count = t->sample_count + t->sky_count;
-    t->info.sample_links = t->info.receiver_links = desc->links;
+    t->info.links = desc->links;
     for (uint32_t i = 0; i < t->sample_count; i++)
         made.leaf_weights[i] = made.samples[i].area;
     for (uint32_t i = 0; i < t->sky_count; i++) {
@@ -228,7 +229,8 @@ ChiaroTransport made_transport(const ChiaroScene *scene, const MadeTransportDesc
         made.leaf_weights[t->sample_count + i] = direction[3];
     }
     make_nodes(&made);
-    make_links(&made, desc->links);
+    t->sample_links = make_links(t->sample_count, t->node_count, desc->links, 0);
+    t->receiver_links = make_links(t->receiver_count, t->node_count, desc->links, 1);
     return made.t;
 }
 
@@ -237,8 +239,9 @@ void made_transport_free(ChiaroTransport *transport)
     const void *arrays[] = {transport->vertices,     transport->vertex_receivers, transport->indices,
                             transport->parts,        transport->samples,          transport->points,
                             transport->leaf_weights, transport->sky_directions,   transport->nodes,
-                            transport->sample_links, transport->sample_scales,    transport->receivers,
-                            transport->receiver_links, transport->receiver_scales};
+                            transport->receivers};
     for (size_t i = 0; i < sizeof arrays / sizeof arrays[0]; i++)
         free((void *)(uintptr_t)arrays[i]);
+    free_links(&transport->sample_links);
+    free_links(&transport->receiver_links);
 }

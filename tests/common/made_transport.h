@@ -8,7 +8,7 @@ typedef struct MadeTransportDesc {
     uint32_t mesh_steps;   /* edges of the scene's triangles are cut into so many for drawing */
     uint32_t sample_steps; /* and into so many for samples */
     uint32_t points;       /* of a sample: 1 or 3 */
-    uint32_t links;        /* K of both kinds of rows */
+    uint32_t links;        /* nodes of the smallest block, of both kinds of rows */
     bool sky;              /* with sky leaves */
 } MadeTransportDesc;
 

@@ -1,0 +1,30 @@
+/* A cut through the tree: nodes that stand for all leaves below them, fine where that matters to a block of rows. */
+#ifndef CHIARO_CUT_H
+#define CHIARO_CUT_H
+
+#include "bake.h"
+
+/* Mixtures of a block's rows that stand for all of them, and how many training lights are looked at. */
+enum { CUT_PROBES = 4, CUT_COLUMNS = 192 };
+
+/* What is cut for. */
+typedef struct CutTask {
+    const uint32_t *leaves; /* that send anything to the block, in their order */
+    uint32_t leaf_count;
+    const float *probes;      /* [leaf_count][CUT_PROBES]: what each mixture receives from a leaf of light 1 */
+    const float *table;       /* [node][column]: training light */
+    const uint32_t *columns;  /* of the table; at most CUT_COLUMNS */
+    const float *column_scale;
+    uint32_t column_count; /* a multiple of CHIARO_LANES */
+} CutTask;
+
+/* One a thread. */
+typedef struct Cut Cut;
+
+Cut *chiaro_cut_create(const Baker *baker, uint32_t most_nodes);
+void chiaro_cut_destroy(Cut *cut);
+
+/* Writes at most `most` nodes and returns their number. Together they hold all leaves of the task, each once. */
+uint32_t chiaro_cut_make(Cut *cut, const CutTask *task, uint32_t most, uint32_t *nodes);
+
+#endif

@@ -1,0 +1,144 @@
+/* Small dense linear algebra: an inverse, a Cholesky factor, a symmetric eigensystem. A few hundred unknowns at most. */
+#include "linear.h"
+
+#include <math.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { JACOBI_SWEEPS = 20 };
+
+bool chiaro_matrix_invert(double *a, uint32_t n)
+{
+    double *b = calloc((size_t)n * n, sizeof *b);
+    if (!b)
+        return false;
+    for (uint32_t i = 0; i < n; i++)
+        b[(size_t)i * n + i] = 1;
+    bool ok = true;
+    for (uint32_t c = 0; c < n && ok; c++) {
+        uint32_t pivot = c;
+        for (uint32_t r = c + 1; r < n; r++)
+            pivot = fabs(a[(size_t)r * n + c]) > fabs(a[(size_t)pivot * n + c]) ? r : pivot;
+        ok = fabs(a[(size_t)pivot * n + c]) > 1e-300;
+        double inverse = ok ? 1 / a[(size_t)pivot * n + c] : 0;
+        for (uint32_t k = 0; k < n && ok; k++) {
+            double p = a[(size_t)pivot * n + k], q = b[(size_t)pivot * n + k];
+            a[(size_t)pivot * n + k] = a[(size_t)c * n + k], b[(size_t)pivot * n + k] = b[(size_t)c * n + k];
+            a[(size_t)c * n + k] = p * inverse, b[(size_t)c * n + k] = q * inverse;
+        }
+        for (uint32_t r = 0; r < n && ok; r++) {
+            double f = a[(size_t)r * n + c];
+            if (r == c || f == 0)
+                continue;
+            for (uint32_t k = 0; k < n; k++) {
+                a[(size_t)r * n + k] -= f * a[(size_t)c * n + k];
+                b[(size_t)r * n + k] -= f * b[(size_t)c * n + k];
+            }
+        }
+    }
+    memcpy(a, b, (size_t)n * n * sizeof *a);
+    free(b);
+    return ok;
+}
+
+/* Four sums side by side, in a fixed order: faster than one, and the same bits everywhere. */
+static double dot(const double *a, const double *b, uint32_t n)
+{
+    double sum[4] = {0, 0, 0, 0};
+    uint32_t i = 0;
+    for (; i + 4 <= n; i += 4) {
+        for (uint32_t k = 0; k < 4; k++)
+            sum[k] += a[i + k] * b[i + k];
+    }
+    for (; i < n; i++)
+        sum[0] += a[i] * b[i];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+void chiaro_cholesky(double *a, uint32_t n)
+{
+    for (uint32_t i = 0; i < n; i++) {
+        double *row = a + (size_t)i * n;
+        for (uint32_t j = 0; j < i; j++) {
+            double pivot = a[(size_t)j * n + j];
+            row[j] = pivot > 0 ? (row[j] - dot(row, a + (size_t)j * n, j)) / pivot : 0;
+        }
+        double left = row[i] - dot(row, row, i);
+        row[i] = left > 0 ? sqrt(left) : 0;
+    }
+}
+
+void chiaro_cholesky_solve(const double *factor, uint32_t n, double *b)
+{
+    for (uint32_t i = 0; i < n; i++) {
+        const double *row = factor + (size_t)i * n;
+        b[i] = row[i] > 0 ? (b[i] - dot(row, b, i)) / row[i] : 0;
+    }
+    for (uint32_t i = n; i-- > 0;) {
+        const double *row = factor + (size_t)i * n;
+        b[i] = row[i] > 0 ? b[i] / row[i] : 0;
+        for (uint32_t j = 0; j < i; j++)
+            b[j] -= row[j] * b[i];
+    }
+}
+
+/* One rotation that makes a[p][q] zero. */
+static void rotate(double *a, double *vectors, uint32_t n, uint32_t p, uint32_t q)
+{
+    double off = a[(size_t)p * n + q];
+    if (off == 0)
+        return;
+    double theta = (a[(size_t)q * n + q] - a[(size_t)p * n + p]) / (2 * off);
+    double t = (theta < 0 ? -1 : 1) / (fabs(theta) + sqrt(theta * theta + 1));
+    double c = 1 / sqrt(t * t + 1), s = t * c;
+    double *row_p = a + (size_t)p * n, *row_q = a + (size_t)q * n;
+    for (uint32_t k = 0; k < n; k++) {
+        double x = row_p[k], y = row_q[k];
+        row_p[k] = c * x - s * y, row_q[k] = s * x + c * y;
+    }
+    for (uint32_t k = 0; k < n; k++) {
+        double x = a[(size_t)k * n + p], y = a[(size_t)k * n + q];
+        a[(size_t)k * n + p] = c * x - s * y, a[(size_t)k * n + q] = s * x + c * y;
+    }
+    row_p = vectors + (size_t)p * n, row_q = vectors + (size_t)q * n;
+    for (uint32_t k = 0; k < n; k++) {
+        double x = row_p[k], y = row_q[k];
+        row_p[k] = c * x - s * y, row_q[k] = s * x + c * y;
+    }
+}
+
+void chiaro_symmetric_eigen(double *a, uint32_t n, double *vectors, double *values)
+{
+    memset(vectors, 0, (size_t)n * n * sizeof *vectors);
+    for (uint32_t i = 0; i < n; i++)
+        vectors[(size_t)i * n + i] = 1;
+    for (uint32_t sweep = 0; sweep < JACOBI_SWEEPS; sweep++) {
+        double off = 0, size = 0;
+        for (uint32_t i = 0; i < n; i++) {
+            for (uint32_t j = 0; j < n; j++)
+                *(i == j ? &size : &off) += a[(size_t)i * n + j] * a[(size_t)i * n + j];
+        }
+        if (off <= 1e-20 * size)
+            break;
+        for (uint32_t p = 0; p < n; p++) {
+            for (uint32_t q = p + 1; q < n; q++)
+                rotate(a, vectors, n, p, q);
+        }
+    }
+    for (uint32_t i = 0; i < n; i++)
+        values[i] = a[(size_t)i * n + i];
+    for (uint32_t i = 0; i < n; i++) {
+        uint32_t largest = i;
+        for (uint32_t j = i + 1; j < n; j++)
+            largest = values[j] > values[largest] ? j : largest;
+        if (largest == i)
+            continue;
+        double value = values[i];
+        values[i] = values[largest], values[largest] = value;
+        for (uint32_t k = 0; k < n; k++) {
+            double x = vectors[(size_t)i * n + k];
+            vectors[(size_t)i * n + k] = vectors[(size_t)largest * n + k], vectors[(size_t)largest * n + k] = x;
+        }
+    }
+}
