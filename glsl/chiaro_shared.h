@@ -3,7 +3,7 @@
 #define CHIARO_SHARED_H
 
 /* Limits of a block of links (chiaro.h, ChiaroBlock): rows, nodes of its cut, patterns. */
-#define CHIARO_BLOCK_ROWS 64
+#define CHIARO_BLOCK_ROWS 192
 #define CHIARO_BLOCK_NODES 512
 #define CHIARO_BLOCK_RANK 16
 /* Parts that the sum of a pattern is cut into, each for an invocation of its own. */
@@ -18,7 +18,7 @@
 #define CHIARO_FAR_LIGHT 12.0f
 #define CHIARO_FAR_MOMENT 0.785398163397448310f
 
-/* Invocations of a compute work group: the rows of a block of links. */
+/* Invocations of a compute work group. */
 #define CHIARO_GROUP_SIZE 64
 
 /* The filmic curve x (A x + B) / (x (C x + D) + E): Krzysztof Narkowicz, "ACES Filmic Tone Mapping Curve", 2016. */

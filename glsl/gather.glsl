@@ -1,11 +1,10 @@
-/* A block of links: light of the cut's nodes -> patterns -> irradiance of the rows. One work group a block, one invocation a
- * row. Twin of chiaro_links_gather. Includers define BLOCKS, NODES and WEIGHTS, the arrays of their links. */
+/* A block of links: light of the cut's nodes -> patterns -> irradiance of the rows. One work group a block. Twin of chiaro_links_gather. Includers define BLOCKS, NODES and WEIGHTS, the arrays of their links. */
 shared vec3 chiaro_light[CHIARO_BLOCK_NODES];
 shared vec3 chiaro_part[CHIARO_BLOCK_RANK * CHIARO_BLOCK_PARTS];
 shared vec3 chiaro_pattern[CHIARO_BLOCK_RANK];
 
-/* Irradiance of this invocation's row; those beyond block.rows.y have none. `first`: of the half of values that is read. */
-vec3 chiaro_gather_row(ChiaroGpuBlock block, uint first)
+/* Collects the patterns of a block, from the half of values that begins at `first`. */
+void chiaro_gather_patterns(ChiaroGpuBlock block, uint first)
 {
     uint lane = gl_LocalInvocationIndex, nodes = block.rows.w, rank = block.weights.z;
     for (uint i = lane; i < nodes; i += CHIARO_GROUP_SIZE)
@@ -29,10 +28,12 @@ vec3 chiaro_gather_row(ChiaroGpuBlock block, uint first)
         chiaro_pattern[lane] = sum;
     }
     barrier();
+}
+
+vec3 chiaro_gather_row(ChiaroGpuBlock block, uint row)
+{
     vec3 sum = vec3(0);
-    if (lane < block.rows.y) {
-        for (uint p = 0; p < rank; p++)
-            sum += chiaro_pattern[p] * WEIGHTS[block.weights.y + p * block.rows.y + lane];
-    }
+    for (uint p = 0; p < block.weights.z; p++)
+        sum += chiaro_pattern[p] * WEIGHTS[block.weights.y + p * block.rows.y + row];
     return max(sum, vec3(0));
 }

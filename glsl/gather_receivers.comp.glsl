@@ -11,7 +11,7 @@
 void main()
 {
     ChiaroGpuBlock block = BLOCKS[push.range.x + gl_WorkGroupID.x];
-    vec3 sum = chiaro_gather_row(block, push.range.z);
-    if (gl_LocalInvocationIndex < block.rows.y)
-        irradiance[block.rows.x + gl_LocalInvocationIndex] = vec4(sum, 0);
+    chiaro_gather_patterns(block, push.range.z);
+    for (uint row = gl_LocalInvocationIndex; row < block.rows.y; row += CHIARO_GROUP_SIZE)
+        irradiance[block.rows.x + row] = vec4(chiaro_gather_row(block, row), 0);
 }

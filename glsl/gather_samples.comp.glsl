@@ -19,9 +19,9 @@ void main()
         return;
     }
     ChiaroGpuBlock block = BLOCKS[push.range.x + group];
-    vec3 sum = chiaro_gather_row(block, source);
-    if (lane < block.rows.y) {
-        uint s = block.rows.x + lane;
-        values[target + s] = vec4(values[source + s].rgb + samples[s].albedo.rgb * sum, 0);
+    chiaro_gather_patterns(block, source);
+    for (uint row = lane; row < block.rows.y; row += CHIARO_GROUP_SIZE) {
+        uint s = block.rows.x + row;
+        values[target + s] = vec4(values[source + s].rgb + samples[s].albedo.rgb * chiaro_gather_row(block, row), 0);
     }
 }

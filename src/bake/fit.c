@@ -551,7 +551,7 @@ static void measure_error(FitScratch *s, const Fitter *fitter, double error[2])
  * rank^2 = 3.5 K. */
 static void deal(uint32_t links, uint32_t rows, uint32_t *rank, uint32_t *nodes)
 {
-    double best = floor(sqrt(3.5 * links) + 0.5);
+    double best = floor(sqrt(4.5 * links) + 0.5);
     best = fmin(fmin(best, rows), CHIARO_BLOCK_RANK);
     double each = rows * (links / best - 1);
     *rank = (uint32_t)best;

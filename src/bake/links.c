@@ -13,7 +13,7 @@
 #include <string.h>
 
 /* Rows between samples carry all bounces, so they may cost this many times what a receiver's do. */
-enum { SAMPLE_LINKS_A_LINK = 2 };
+enum { SAMPLE_LINKS_A_LINK = 1 };
 
 /* A block as it came out of the fit: one allocation each. */
 typedef struct Fitted {

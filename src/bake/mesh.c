@@ -13,7 +13,7 @@
 #include "chiaro_shared.h"
 #include "map.h"
 
-enum { SIZING_RAYS = 32, MAX_ROUNDS = 24, BISECTIONS = 8, USUAL_BLOCK = 48 /* rows of a block of links */ };
+enum { SIZING_RAYS = 32, MAX_ROUNDS = 24, BISECTIONS = 8, USUAL_BLOCK = 150 /* rows of a block of links */ };
 
 /* Edge length wanted: this part of the free path there, within limits that follow the number of receivers. */
 static const float EDGE_PART_OF_FREE_PATH = 0.35f, SHORTEST_EDGE = 0.4f, LONGEST_EDGE = 1.5f;

@@ -197,9 +197,10 @@ static bool normalize(Baker *baker, float *irradiance)
         return false;
     for (uint32_t l = 0; l < baker->leaf_count; l++) {
         for (uint32_t t = 0; t < columns; t++) {
-            double x = baker->direct[(size_t)l * columns + t], b = baker->total[(size_t)l * columns + t];
+            double x = baker->direct[(size_t)l * columns + t];
+            double e = l < baker->sample_count ? irradiance[(size_t)l * columns + t] : 0;
             source[t] += baker->leaf_weights[l] * x * x;
-            square[t] += l < baker->sample_count ? baker->leaf_weights[l] * b * b : 0;
+            square[t] += baker->leaf_weights[l] * e * e;
         }
     }
     for (uint32_t t = 0; t < baker->uniform_column; t++) {
