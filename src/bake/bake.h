@@ -142,8 +142,12 @@ typedef struct ClusterTree {
     ClusterNode *nodes; /* nodes[0] is the root, in depth-first order: children follow their parent */
     uint32_t node_count, leaf_count;
 } ClusterTree;
-/* At most `leaves` groups. `axes` of the features may be cut along; all count for how alike items are. */
-bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, ClusterTree *tree);
+/* What does not belong together in a group, however alike it is: moves the items of a run that go left to its front and
+ * returns their number; 0: the group is good as it is. */
+typedef uint32_t (*ClusterSplit)(uint32_t *order, uint32_t count, void *user);
+/* At most `leaves` groups, and those that `split` (may be NULL) makes of them. */
+bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, ClusterSplit split, void *user,
+                    ClusterTree *tree);
 void chiaro_cluster_free(ClusterTree *tree);
 
 /* --- rows.c --- */

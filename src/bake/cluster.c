@@ -19,6 +19,10 @@ typedef struct Builder {
     const ClusterItem *items;
     ClusterTree *tree;
     uint32_t *scratch;
+    ClusterSplit split;
+    void *user;
+    uint32_t capacity; /* of the tree's nodes */
+    bool failed;
 } Builder;
 
 static void moments_add(Moments *into, const Moments *other)
@@ -107,19 +111,27 @@ static bool find_cut(const Builder *builder, uint32_t first, uint32_t count, uin
     return best < INFINITY;
 }
 
-static void build(Builder *builder, uint32_t index, uint32_t first, uint32_t count, uint32_t leaves)
+/* A new node; its number. */
+static uint32_t add_node(Builder *builder)
 {
     ClusterTree *tree = builder->tree;
-    ClusterNode *node = &tree->nodes[index];
-    leaves = leaves > count ? count : leaves;
-    *node = (ClusterNode){first, count, CHIARO_NONE, CHIARO_NONE, tree->leaf_count, leaves};
-    if (leaves <= 1) {
-        node->leaf_count = 1;
-        tree->leaf_count++;
-        return;
+    if (tree->node_count == builder->capacity) {
+        ClusterNode *grown = realloc(tree->nodes, 2 * (size_t)builder->capacity * sizeof *grown);
+        if (!grown) {
+            builder->failed = true;
+            return 0;
+        }
+        tree->nodes = grown, builder->capacity *= 2;
     }
+    return tree->node_count++;
+}
+
+/* Cuts a run where find_cut() says; returns how many items go left, and their leaves. */
+static uint32_t cut_run(Builder *builder, uint32_t first, uint32_t count, uint32_t leaves, uint32_t *left_leaves)
+{
+    ClusterTree *tree = builder->tree;
     int axis = 0;
-    uint32_t bin = 0, left_count = 0, right_count = 0, left_leaves;
+    uint32_t bin = 0, left_count = 0, right_count = 0;
     float low = 0, high = 1;
     double left_weight = 0, weight = 0;
     if (find_cut(builder, first, count, leaves, &axis, &bin, &low, &high)) {
@@ -141,35 +153,61 @@ static void build(Builder *builder, uint32_t index, uint32_t first, uint32_t cou
                 left_weight = weight;
         }
     }
-    left_leaves = deal(leaves, left_weight, weight, left_count, right_count);
-    uint32_t left = tree->node_count++;
-    node->left = left;
+    *left_leaves = deal(leaves, left_weight, weight, left_count, right_count);
+    return left_count;
+}
+
+static void build(Builder *builder, uint32_t index, uint32_t first, uint32_t count, uint32_t leaves)
+{
+    ClusterTree *tree = builder->tree;
+    uint32_t left_count = 0, left_leaves = 1;
+    leaves = leaves > count ? count : leaves;
+    tree->nodes[index] = (ClusterNode){first, count, CHIARO_NONE, CHIARO_NONE, tree->leaf_count, leaves};
+    if (leaves > 1) {
+        left_count = cut_run(builder, first, count, leaves, &left_leaves);
+    } else {
+        left_count = builder->split && count > 1 ? builder->split(tree->order + first, count, builder->user) : 0;
+        leaves = 2;
+        if (left_count == 0 || left_count == count) {
+            tree->nodes[index].leaf_count = 1;
+            tree->leaf_count++;
+            return;
+        }
+    }
+    uint32_t left = add_node(builder);
+    if (builder->failed)
+        return;
+    tree->nodes[index].left = left;
     build(builder, left, first, left_count, left_leaves);
-    uint32_t right = tree->node_count++;
+    uint32_t right = add_node(builder);
+    if (builder->failed)
+        return;
     tree->nodes[index].right = right;
-    build(builder, right, first + left_count, right_count, leaves - left_leaves);
+    build(builder, right, first + left_count, count - left_count, leaves - left_leaves);
     tree->nodes[index].leaf_count = tree->leaf_count - tree->nodes[index].leaf_first;
 }
 
-bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, ClusterTree *tree)
+bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, ClusterSplit split, void *user,
+                    ClusterTree *tree)
 {
     memset(tree, 0, sizeof *tree);
     leaves = leaves < 1 ? 1 : leaves > count ? count : leaves;
-    uint32_t *scratch = malloc(count * sizeof *scratch);
+    Builder builder = {.items = items, .tree = tree, .split = split, .user = user, .capacity = 2 * leaves};
+    builder.scratch = malloc(count * sizeof *builder.scratch);
     tree->order = malloc(count * sizeof *tree->order);
-    tree->nodes = malloc(2 * (size_t)leaves * sizeof *tree->nodes);
-    if (!scratch || !tree->order || !tree->nodes) {
-        free(scratch);
-        chiaro_cluster_free(tree);
-        return false;
+    tree->nodes = malloc((size_t)builder.capacity * sizeof *tree->nodes);
+    if (builder.scratch && tree->order && tree->nodes) {
+        for (uint32_t i = 0; i < count; i++)
+            tree->order[i] = i;
+        tree->node_count = 1;
+        build(&builder, 0, 0, count, leaves);
+    } else {
+        builder.failed = true;
     }
-    for (uint32_t i = 0; i < count; i++)
-        tree->order[i] = i;
-    Builder builder = {items, tree, scratch};
-    tree->node_count = 1;
-    build(&builder, 0, 0, count, leaves);
-    free(scratch);
-    return true;
+    free(builder.scratch);
+    if (builder.failed)
+        chiaro_cluster_free(tree);
+    return !builder.failed;
 }
 
 void chiaro_cluster_free(ClusterTree *tree)

@@ -21,10 +21,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_COLUMNS = 2048, COLUMN_CHUNK = 256, LEVEL_STEP = 8, MOST_FIXED = 2 };
+enum { MOST_COLUMNS = 2048, COLUMN_CHUNK = 256, LEVEL_STEP = 8, MOST_FIXED = 2, EVEN_COLUMNS = 64, LEAST_BLOCK = 16 };
 
 /* Expected error of the fit, as a part of the block's light: the smaller, the further weights may leave the form factors. */
-static const double FIT_NOISE = 0.005;
+static const double FIT_NOISE = 0.01;
 /* Products of light are this exact, being sums of floats. */
 static const double ROUNDING = 1e-6;
 /* Weights are this free: as a part of themselves plus a part of the mean weight. */
@@ -37,12 +37,15 @@ static const float LEAST_LEVEL = 1e-6f;
 static const float SPECIAL_COLUMNS = 8;
 /* The first cut is this much finer than the one that is left. */
 static const double FINER = 2.5;
+/* What a block may spend on patterns: the square of their number, in K. */
+static const double MANY_PATTERNS = 4.5, FEW_PATTERNS = 1.5;
 /* Patterns that hold less than this part of a block's light, squared, are left out. */
 static const double LEAST_PATTERN = 1e-8;
 
 typedef struct FitScratch {
     FitTask task;
     const FitRows *rows;
+    uint32_t first, count; /* the rows of the block at hand */
     /* columns that count, channel by channel; each channel's begin at a multiple of CHIARO_LANES */
     uint32_t *columns, begin[4], width, *order;
     float *column_scale, *level, *chunk;
@@ -53,7 +56,8 @@ typedef struct FitScratch {
     float *probes;                    /* [leaf][CUT_PROBES] */
     float *clusters;                  /* [cluster] */
     double *pattern;                  /* [pattern][row]: orthonormal */
-    double *gram, *vectors, *values;  /* rows x rows */
+    double *gram;                     /* rows x rows, of all */
+    double *own_gram, *vectors, *values; /* of the block: gram, and its largest eigenvectors */
     double *system, *ridge;           /* nodes x nodes */
     double *prior;                    /* [pattern][node] */
     double *right;                    /* [pattern][node]: right sides, then weights */
@@ -63,7 +67,23 @@ typedef struct FitScratch {
     float sub_scale[CUT_COLUMNS];
     Cut *cut;
     Prune prune;
+    FitBlock other; /* a second try at the same block */
 } FitScratch;
+
+static bool block_create(FitBlock *block, uint32_t channels)
+{
+    block->weights = malloc((size_t)channels * CHIARO_BLOCK_RANK * CHIARO_BLOCK_NODES * sizeof *block->weights);
+    block->shares = malloc((size_t)CHIARO_BLOCK_RANK * CHIARO_BLOCK_ROWS * sizeof *block->shares);
+    block->nodes = malloc(CHIARO_BLOCK_NODES * sizeof *block->nodes);
+    return block->weights && block->shares && block->nodes;
+}
+
+static void block_destroy(FitBlock *block)
+{
+    free(block->weights);
+    free(block->shares);
+    free(block->nodes);
+}
 
 bool chiaro_fitter_create(const FitTask *task, Fitter *fitter)
 {
@@ -75,8 +95,7 @@ bool chiaro_fitter_create(const FitTask *task, Fitter *fitter)
     if (!s)
         return false;
     s->task = *task;
-    fitter->weights = malloc(task->channels * rank * nodes * sizeof *fitter->weights);
-    fitter->shares = malloc(rank * rows * sizeof *fitter->shares);
+    bool ready = block_create(&fitter->done, task->channels) && block_create(&s->other, task->channels);
     s->columns = malloc(most * sizeof *s->columns);
     s->order = malloc(baker->columns * sizeof *s->order);
     s->column_scale = malloc(most * sizeof *s->column_scale);
@@ -90,7 +109,8 @@ bool chiaro_fitter_create(const FitTask *task, Fitter *fitter)
     s->clusters = malloc(baker->cluster_count * sizeof *s->clusters);
     s->pattern = malloc(rank * rows * sizeof *s->pattern);
     s->gram = malloc(rows * rows * sizeof *s->gram);
-    s->vectors = malloc(rows * rows * sizeof *s->vectors);
+    s->own_gram = malloc(rows * rows * sizeof *s->own_gram);
+    s->vectors = malloc(2 * rank * rows * sizeof *s->vectors);
     s->values = malloc(rows * sizeof *s->values);
     s->system = malloc(nodes * nodes * sizeof *s->system);
     s->ridge = malloc(nodes * sizeof *s->ridge);
@@ -99,10 +119,10 @@ bool chiaro_fitter_create(const FitTask *task, Fitter *fitter)
     s->bound[0] = malloc(nodes * sizeof(double));
     s->bound[1] = malloc(nodes * sizeof(double));
     s->cut = chiaro_cut_create(baker, CHIARO_BLOCK_NODES);
-    bool ready = chiaro_prune_create(&s->prune, baker, CHIARO_BLOCK_NODES, task->channels);
-    return ready && fitter->weights && fitter->shares && s->columns && s->order && s->column_scale && s->level && s->chunk &&
+    ready = ready && chiaro_prune_create(&s->prune, baker, CHIARO_BLOCK_NODES, task->channels);
+    return ready && s->columns && s->order && s->column_scale && s->level && s->chunk &&
            s->target && s->wanted && s->light && s->form && s->probes && s->clusters && s->pattern && s->gram &&
-           s->vectors && s->values && s->system && s->ridge && s->prior && s->right && s->bound[0] && s->bound[1] &&
+           s->own_gram && s->vectors && s->values && s->system && s->ridge && s->prior && s->right && s->bound[0] && s->bound[1] &&
            s->cut;
 }
 
@@ -111,16 +131,16 @@ void chiaro_fitter_destroy(Fitter *fitter)
     FitScratch *s = fitter->scratch;
     if (s) {
         void *all[] = {s->columns, s->order, s->column_scale, s->level, s->chunk, s->target, s->wanted, s->light,
-                       s->form, s->probes, s->clusters, s->pattern, s->gram, s->vectors, s->values, s->system,
+                       s->form, s->probes, s->clusters, s->pattern, s->gram, s->own_gram, s->vectors, s->values, s->system,
                        s->ridge, s->prior, s->right, s->bound[0], s->bound[1]};
         for (size_t k = 0; k < sizeof all / sizeof *all; k++)
             free(all[k]);
         chiaro_cut_destroy(s->cut);
         chiaro_prune_destroy(&s->prune);
+        block_destroy(&s->other);
     }
     free(s);
-    free(fitter->weights);
-    free(fitter->shares);
+    block_destroy(&fitter->done);
 }
 
 /* --- training lights and targets --- */
@@ -193,6 +213,13 @@ static void choose_columns(FitScratch *s)
     }
     for (uint32_t c = groups; c < 4; c++)
         s->begin[c] = s->width;
+}
+
+/* What a column weighs in the block's error. */
+static double column_energy(const FitScratch *s, uint32_t k)
+{
+    double level = (double)s->level[s->columns[k]] * (double)s->column_scale[k];
+    return level * level;
 }
 
 static void load_light(const FitScratch *s, const float *table_row, uint32_t first, uint32_t count, float *out)
@@ -292,16 +319,27 @@ static void deflate(double *gram, uint32_t n, const double *unit, double *along)
     }
 }
 
-/* Chooses at most `most` patterns. Returns their number. */
-static uint32_t choose_patterns(FitScratch *s, uint32_t most)
+/* Products of the rows' light. */
+static void collect_gram(FitScratch *s)
 {
-    uint32_t n = s->rows->count, count = 0;
-    double all = 0;
+    uint32_t n = s->rows->count;
     for (uint32_t i = 0; i < n; i++) {
         for (uint32_t j = 0; j <= i; j++)
             s->gram[(size_t)i * n + j] = s->gram[(size_t)j * n + i] =
                 chiaro_dot(s->target + (size_t)i * s->width, s->target + (size_t)j * s->width, s->width);
-        all += s->gram[(size_t)i * n + i];
+    }
+}
+
+/* Chooses at most `most` patterns for the block at hand. Returns their number; `lost`: the part of its light, squared, that
+ * they cannot say. */
+static uint32_t choose_patterns(FitScratch *s, uint32_t most, double *lost)
+{
+    uint32_t n = s->count, all_rows = s->rows->count, count = 0;
+    double all = 0;
+    *lost = 0;
+    for (uint32_t i = 0; i < n; i++) {
+        memcpy(s->own_gram + (size_t)i * n, s->gram + (size_t)(s->first + i) * all_rows + s->first, n * sizeof *s->gram);
+        all += s->own_gram[(size_t)i * n + i];
     }
     if (!(all > 0))
         return 0;
@@ -310,28 +348,57 @@ static uint32_t choose_patterns(FitScratch *s, uint32_t most)
         for (uint32_t r = 0; r < n; r++) {
             vector[r] = 0;
             for (uint32_t c = 0; c < s->task.channels; c++)
-                vector[r] += s->uniform[u][c][r];
+                vector[r] += s->uniform[u][c][s->first + r];
         }
         if (orthonormalize(s->pattern, count, n))
-            deflate(s->gram, n, s->pattern + (size_t)count++ * n, s->values);
+            deflate(s->own_gram, n, s->pattern + (size_t)count++ * n, s->values);
     }
-    chiaro_symmetric_eigen(s->gram, n, s->vectors, s->values);
-    for (uint32_t k = 0; k < n && count < most && s->values[k] > LEAST_PATTERN * all; k++) {
+    uint32_t wanted = most - count < n ? most - count : n;
+    for (uint32_t i = 0; i < n; i++)
+        *lost += s->own_gram[(size_t)i * n + i];
+    chiaro_symmetric_largest(s->own_gram, n, wanted, s->vectors, s->values);
+    for (uint32_t k = 0; k < wanted && s->values[k] > LEAST_PATTERN * all; k++) {
         memcpy(s->pattern + (size_t)count * n, s->vectors + (size_t)k * n, n * sizeof *s->pattern);
         count += orthonormalize(s->pattern, count, n);
+        *lost -= s->values[k];
     }
+    *lost = fmax(0, *lost) / all;
     return count;
+}
+
+/* Where the rows of a block are best cut in two: where the two halves are least alike, by the light they receive. */
+static uint32_t choose_split(const FitScratch *s)
+{
+    uint32_t n = s->count, all_rows = s->rows->count, best = n / 2;
+    double within = 0, across = 0, whole = 0, most = -INFINITY; /* sums of products: left with left, left with right */
+    for (uint32_t i = 0; i < n; i++) {
+        for (uint32_t j = 0; j < n; j++)
+            whole += s->gram[(size_t)(s->first + i) * all_rows + s->first + j];
+    }
+    for (uint32_t i = 0; i + LEAST_BLOCK < n; i++) {
+        const double *row = s->gram + (size_t)(s->first + i) * all_rows + s->first;
+        for (uint32_t j = 0; j < n; j++) {
+            across += j > i ? row[j] : 0;
+            across -= j < i ? row[j] : 0;
+            within += j < i ? 2 * row[j] : j == i ? row[j] : 0;
+        }
+        uint32_t left = i + 1, right = n - left;
+        double alike = within / left + (whole - within - 2 * across) / right;
+        if (left >= LEAST_BLOCK && alike > most)
+            most = alike, best = left;
+    }
+    return best;
 }
 
 /* What the patterns want to receive. */
 static void collect_wanted(FitScratch *s, uint32_t rank)
 {
-    uint32_t n = s->rows->count;
+    uint32_t n = s->count;
     memset(s->wanted, 0, (size_t)rank * s->width * sizeof *s->wanted);
     for (uint32_t p = 0; p < rank; p++) {
         for (uint32_t r = 0; r < n; r++)
             chiaro_axpy(s->wanted + (size_t)p * s->width, (float)s->pattern[(size_t)p * n + r],
-                        s->target + (size_t)r * s->width, s->width);
+                        s->target + (size_t)(s->first + r) * s->width, s->width);
     }
 }
 
@@ -366,10 +433,10 @@ static void collect_form(FitScratch *s, uint32_t rank)
     uint32_t leaves = rows->leaf_count;
     size_t plane = (size_t)rank * leaves;
     memset(s->form, 0, plane * sizeof *s->form);
-    for (uint32_t r = 0; r < rows->count; r++) {
-        const float *row = rows->form + (size_t)r * leaves;
+    for (uint32_t r = 0; r < s->count; r++) {
+        const float *row = rows->form + (size_t)(s->first + r) * leaves;
         for (uint32_t p = 0; p < rank; p++) {
-            float part = (float)s->pattern[(size_t)p * rows->count + r], *form = s->form + (size_t)p * leaves;
+            float part = (float)s->pattern[(size_t)p * s->count + r], *form = s->form + (size_t)p * leaves;
             for (uint32_t l = 0; l < leaves; l++)
                 form[l] += part * row[l];
         }
@@ -388,11 +455,36 @@ static void collect_form(FitScratch *s, uint32_t rank)
 
 /* --- cut --- */
 
+/* A part of the training lights that stands for all: most of them drawn by their energy here, so that those that matter are
+ * there and weigh as they should; some evenly, so that the cut hears of lamps behind the walls. Returns their number. */
+static uint32_t sample_columns(FitScratch *s, float offset)
+{
+    double all = 0, sum = 0, next;
+    uint32_t count = 0, even = (s->width + EVEN_COLUMNS - 1) / EVEN_COLUMNS;
+    for (uint32_t k = 0; k < s->width; k++)
+        all += column_energy(s, k);
+    double step = all / (CUT_COLUMNS - EVEN_COLUMNS);
+    next = step * (double)offset;
+    for (uint32_t k = 0; k < s->width; k++) {
+        uint32_t hits = 0;
+        for (sum += column_energy(s, k); next < sum && step > 0; next += step)
+            hits++;
+        double energy = column_energy(s, k), scale = energy > 0 ? sqrt(hits * step / energy) : 0;
+        if (hits == 0 && k % even == 0)
+            scale = 1;
+        if (scale > 0 && s->column_scale[k] > 0 && count < CUT_COLUMNS)
+            s->sub_columns[count] = s->columns[k], s->sub_scale[count++] = s->column_scale[k] * (float)scale;
+    }
+    for (; count % CHIARO_LANES; count++)
+        s->sub_columns[count] = 0, s->sub_scale[count] = 0;
+    return count;
+}
+
 static uint32_t make_cut(FitScratch *s, uint32_t rank, uint32_t most, uint64_t seed, uint32_t *nodes)
 {
     const FitRows *rows = s->rows;
     ChiaroRandom random = chiaro_random_seed(seed, 0xc07);
-    uint32_t leaves = rows->leaf_count, step = (s->width + CUT_COLUMNS - 1) / CUT_COLUMNS, count = 0;
+    uint32_t leaves = rows->leaf_count, count;
     memset(s->probes, 0, (size_t)leaves * CUT_PROBES * sizeof *s->probes);
     for (uint32_t p = 0; p < rank; p++) {
         uint32_t bits = chiaro_random_bits(&random);
@@ -404,10 +496,7 @@ static uint32_t make_cut(FitScratch *s, uint32_t rank, uint32_t most, uint64_t s
             }
         }
     }
-    for (uint32_t k = 0; k < s->width; k += step, count++)
-        s->sub_columns[count] = s->columns[k], s->sub_scale[count] = s->column_scale[k];
-    for (; count % CHIARO_LANES; count++)
-        s->sub_columns[count] = 0, s->sub_scale[count] = 0;
+    count = sample_columns(s, chiaro_random_float(&random));
     CutTask task = {rows->leaves, leaves, s->probes, s->task.truth, s->sub_columns, s->sub_scale, count};
     return chiaro_cut_make(s->cut, &task, most, nodes);
 }
@@ -495,8 +584,8 @@ static uint32_t thin_out(FitScratch *s, uint32_t rank, uint32_t *nodes, uint32_t
 static void keep_energy(FitScratch *s, uint32_t channel, uint32_t rank, const uint32_t *nodes, uint32_t n)
 {
     const Baker *baker = s->task.baker;
-    uint32_t rows = s->rows->count, held = 0;
-    double *direction[MOST_FIXED] = {s->ridge, s->gram};
+    uint32_t rows = s->count, held = 0;
+    double *direction[MOST_FIXED] = {s->ridge, s->own_gram};
     for (uint32_t u = baker->sky_count ? 0 : 1; u < MOST_FIXED; u++) {
         double *bound = s->bound[held], *move = direction[held], along = 0;
         for (uint32_t i = 0; i < n; i++)
@@ -516,7 +605,7 @@ static void keep_energy(FitScratch *s, uint32_t channel, uint32_t rank, const ui
         for (uint32_t p = 0; p < rank; p++) {
             double lost = 0, *weights = s->right + (size_t)p * n;
             for (uint32_t r = 0; r < rows; r++)
-                lost += s->pattern[(size_t)p * rows + r] * s->uniform[u][channel][r];
+                lost += s->pattern[(size_t)p * rows + r] * s->uniform[u][channel][s->first + r];
             for (uint32_t i = 0; i < n; i++)
                 lost -= weights[i] * bound[i];
             for (uint32_t i = 0; i < n; i++)
@@ -529,9 +618,9 @@ static void keep_energy(FitScratch *s, uint32_t channel, uint32_t rank, const ui
 /* Squared error over the training lights: what the patterns cannot say, and what the weights miss. */
 static void measure_error(FitScratch *s, const Fitter *fitter, double error[2])
 {
-    uint32_t rank = fitter->block.rank, n = fitter->block.node_count;
-    for (uint32_t r = 0; r < s->rows->count; r++) {
-        const float *target = s->target + (size_t)r * s->width;
+    uint32_t rank = fitter->done.block.rank, n = fitter->done.block.node_count;
+    for (uint32_t r = 0; r < s->count; r++) {
+        const float *target = s->target + (size_t)(s->first + r) * s->width;
         double size = chiaro_dot(target, target, s->width);
         error[0] += size, error[1] += size;
     }
@@ -540,52 +629,97 @@ static void measure_error(FitScratch *s, const Fitter *fitter, double error[2])
         error[0] -= chiaro_dot(wanted, wanted, s->width);
         for (uint32_t c = 0; c < s->task.channels; c++) {
             for (uint32_t i = 0; i < n; i++)
-                chiaro_axpy(wanted + s->begin[c], -fitter->weights[((size_t)c * rank + p) * n + i],
+                chiaro_axpy(wanted + s->begin[c], -fitter->done.weights[((size_t)c * rank + p) * n + i],
                             s->light + (size_t)i * s->width + s->begin[c], s->begin[c + 1] - s->begin[c]);
         }
         error[0] += chiaro_dot(wanted, wanted, s->width);
     }
 }
 
-/* Patterns and nodes that a row can pay with K multiply-adds: K = rank (1 + nodes / rows). Both together are best at about
- * rank^2 = 3.5 K. */
-static void deal(uint32_t links, uint32_t rows, uint32_t *rank, uint32_t *nodes)
+/* Patterns and nodes that a row can pay with K multiply-adds, K = rank (1 + nodes / rows), where rank^2 is about
+ * `rank_square` K. */
+static void deal(uint32_t links, uint32_t rows, double rank_square, uint32_t *rank, uint32_t *nodes)
 {
-    double best = floor(sqrt(4.5 * links) + 0.5);
+    double best = floor(sqrt(rank_square * links) + 0.5);
     best = fmin(fmin(best, rows), CHIARO_BLOCK_RANK);
     double each = rows * (links / best - 1);
     *rank = (uint32_t)best;
     *nodes = (uint32_t)fmin(CHIARO_BLOCK_NODES, fmax(links, each));
 }
 
-void chiaro_fitter_fit(Fitter *fitter, const FitRows *rows, uint64_t seed, double error[2])
+/* Makes the block at hand of the first `rank` patterns and at most `most` nodes. */
+static void fit_block(Fitter *fitter, uint32_t rank, uint32_t most, uint64_t seed, double error[2])
 {
     FitScratch *s = fitter->scratch;
-    uint32_t rank, most;
+    collect_wanted(s, rank);
+    collect_form(s, rank);
+    uint32_t fine = (uint32_t)fmin(FINER * most, CHIARO_BLOCK_NODES);
+    uint32_t n = rank ? make_cut(s, rank, fine, seed, fitter->done.nodes) : 0;
+    n = thin_out(s, rank, fitter->done.nodes, n, most);
+    load_nodes(s, fitter->done.nodes, n);
+    fitter->done.block = (ChiaroBlock){.first_row = s->first, .row_count = s->count, .node_count = n, .rank = rank,
+                                  .channels = s->task.channels};
+    for (uint32_t c = 0; c < s->task.channels && n > 0; c++) {
+        collect_prior(s, c, rank, fitter->done.nodes, n);
+        normal_equations(s, c, rank, n);
+        chiaro_cholesky(s->system, n);
+        for (uint32_t p = 0; p < rank; p++)
+            chiaro_cholesky_solve(s->system, n, s->right + (size_t)p * n);
+        keep_energy(s, c, rank, fitter->done.nodes, n);
+        for (size_t k = 0; k < (size_t)rank * n; k++)
+            fitter->done.weights[(size_t)c * rank * n + k] = (float)s->right[k];
+    }
+    for (size_t k = 0; k < (size_t)rank * s->count; k++)
+        fitter->done.shares[k] = (float)s->pattern[k];
+    error[0] = error[1] = 0;
+    measure_error(s, fitter, error);
+}
+
+/* The block that is done goes to `other`, whose room becomes free. */
+static void swap_blocks(Fitter *fitter, FitBlock *other)
+{
+    FitBlock block = fitter->done;
+    fitter->done = *other;
+    *other = block;
+}
+
+/* Fits the rows [first, first + count). */
+static bool fit_range(Fitter *fitter, uint32_t first, uint32_t count, uint64_t seed, FitEmit emit, void *user,
+                      double error[2])
+{
+    FitScratch *s = fitter->scratch;
+    uint32_t rank, most, few, more;
+    double lost, many_error[2], few_error[2];
+    s->first = first, s->count = count;
+    deal(s->task.links, count, MANY_PATTERNS, &rank, &most);
+    rank = choose_patterns(s, rank, &lost);
+    if (lost > s->task.tolerance * s->task.tolerance && count >= 2 * LEAST_BLOCK) {
+        uint32_t left = choose_split(s);
+        return fit_range(fitter, first, left, seed, emit, user, error) &&
+               fit_range(fitter, first + left, count - left, seed, emit, user, error);
+    }
+    /* Many patterns and few nodes, or the other way round: what is better only the fit can tell. */
+    fit_block(fitter, rank, most, seed + first, many_error);
+    deal(s->task.links, count, FEW_PATTERNS, &few, &more);
+    if (few < rank && more > most) {
+        swap_blocks(fitter, &s->other);
+        fit_block(fitter, few, more, seed + first, few_error);
+        if (!(few_error[0] < many_error[0]))
+            swap_blocks(fitter, &s->other);
+        many_error[0] = fmin(many_error[0], few_error[0]);
+    }
+    error[0] += many_error[0], error[1] += many_error[1];
+    return emit(fitter, user);
+}
+
+bool chiaro_fitter_fit(Fitter *fitter, const FitRows *rows, uint64_t seed, FitEmit emit, void *user, double error[2])
+{
+    FitScratch *s = fitter->scratch;
     s->rows = rows;
     measure_level(s);
     choose_columns(s);
     collect_target(s);
     collect_uniform(s);
-    deal(s->task.links, rows->count, &rank, &most);
-    rank = choose_patterns(s, rank);
-    collect_wanted(s, rank);
-    collect_form(s, rank);
-    uint32_t n = rank ? make_cut(s, rank, (uint32_t)fmin(FINER * most, CHIARO_BLOCK_NODES), seed, fitter->nodes) : 0;
-    n = thin_out(s, rank, fitter->nodes, n, most);
-    load_nodes(s, fitter->nodes, n);
-    fitter->block = (ChiaroBlock){.row_count = rows->count, .node_count = n, .rank = rank, .channels = s->task.channels};
-    for (uint32_t c = 0; c < s->task.channels && n > 0; c++) {
-        collect_prior(s, c, rank, fitter->nodes, n);
-        normal_equations(s, c, rank, n);
-        chiaro_cholesky(s->system, n);
-        for (uint32_t p = 0; p < rank; p++)
-            chiaro_cholesky_solve(s->system, n, s->right + (size_t)p * n);
-        keep_energy(s, c, rank, fitter->nodes, n);
-        for (size_t k = 0; k < (size_t)rank * n; k++)
-            fitter->weights[(size_t)c * rank * n + k] = (float)s->right[k];
-    }
-    for (size_t k = 0; k < (size_t)rank * rows->count; k++)
-        fitter->shares[k] = (float)s->pattern[k];
-    measure_error(s, fitter, error);
+    collect_gram(s);
+    return fit_range(fitter, 0, rows->count, seed << 16, emit, user, error);
 }

@@ -13,10 +13,11 @@ typedef struct FitTask {
     const float *feature; /* [node][column]: the light that links will find at run time */
     uint32_t links;       /* K: multiply-adds a row and channel, about */
     uint32_t channels;    /* 1 or 3 */
+    float tolerance;      /* rows whose patterns cannot say this part of their light (relRMSE) are cut into blocks */
     bool all_bounces;     /* rows are samples: form factors tell the first bounce only, see spread_light() */
 } FitTask;
 
-/* A block of neighbouring rows. */
+/* Rows that follow each other, in an order that keeps neighbours together. */
 typedef struct FitRows {
     uint32_t count;          /* at most CHIARO_BLOCK_ROWS */
     const uint32_t *leaves;  /* that any of them receives from, in their order */
@@ -25,20 +26,29 @@ typedef struct FitRows {
     const float *target[CHIARO_BLOCK_ROWS]; /* irradiance wanted, by column; NULL: form factors times truth */
 } FitRows;
 
-/* One a thread; holds the block that was fitted last. */
-typedef struct Fitter {
-    ChiaroBlock block; /* firsts are not set */
-    uint32_t nodes[CHIARO_BLOCK_NODES];
+/* A block of links. */
+typedef struct FitBlock {
+    ChiaroBlock block; /* first_row: among the rows that were given; the other firsts are not set */
+    uint32_t *nodes;
     float *weights; /* [channel][pattern][node] */
     float *shares;  /* [pattern][row] */
+} FitBlock;
+
+/* One a thread; holds the block that was fitted last. */
+typedef struct Fitter {
+    FitBlock done;
     struct FitScratch *scratch;
 } Fitter;
 
 bool chiaro_fitter_create(const FitTask *task, Fitter *fitter);
 void chiaro_fitter_destroy(Fitter *fitter);
 
-/* Fits a block. Adds the squared error that is left over the training lights, and the squared target, to `error`.
- * `seed`: of the block's random choices. */
-void chiaro_fitter_fit(Fitter *fitter, const FitRows *rows, uint64_t seed, double error[2]);
+/* Takes a block that is done. False: stop. */
+typedef bool (*FitEmit)(const Fitter *fitter, void *user);
+
+/* Fits rows: as one block, or, where they see too many different things for that, as several; each goes to `emit`, in the
+ * order of rows. Adds the squared error that is left over the training lights, and the squared target, to `error`.
+ * `seed`: of the random choices. False: stopped by `emit`. */
+bool chiaro_fitter_fit(Fitter *fitter, const FitRows *rows, uint64_t seed, FitEmit emit, void *user, double error[2]);
 
 #endif

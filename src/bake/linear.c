@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { JACOBI_SWEEPS = 20 };
+enum { JACOBI_SWEEPS = 20, SUBSPACE_ROUNDS = 8, SUBSPACE_MOST = 32 };
 
 bool chiaro_matrix_invert(double *a, uint32_t n)
 {
@@ -108,7 +108,8 @@ static void rotate(double *a, double *vectors, uint32_t n, uint32_t p, uint32_t 
     }
 }
 
-void chiaro_symmetric_eigen(double *a, uint32_t n, double *vectors, double *values)
+/* All eigenvectors of a small symmetric matrix, which is destroyed, as rows of `vectors`, the largest first. */
+static void eigen(double *a, uint32_t n, double *vectors, double *values)
 {
     memset(vectors, 0, (size_t)n * n * sizeof *vectors);
     for (uint32_t i = 0; i < n; i++)
@@ -141,4 +142,65 @@ void chiaro_symmetric_eigen(double *a, uint32_t n, double *vectors, double *valu
             vectors[(size_t)i * n + k] = vectors[(size_t)largest * n + k], vectors[(size_t)largest * n + k] = x;
         }
     }
+}
+
+/* Gram-Schmidt, twice: rows become orthonormal, and those that depend on others become zero. */
+static void orthonormalize_rows(double *rows, uint32_t count, uint32_t n)
+{
+    for (uint32_t i = 0; i < count; i++) {
+        double *row = rows + (size_t)i * n, before = sqrt(dot(row, row, n));
+        for (uint32_t j = 0; j < 2 * i; j++) {
+            const double *other = rows + (size_t)(j % i) * n;
+            double along = dot(row, other, n);
+            for (uint32_t k = 0; k < n; k++)
+                row[k] -= along * other[k];
+        }
+        double after = sqrt(dot(row, row, n)), scale = after > 1e-10 * before && after > 0 ? 1 / after : 0;
+        for (uint32_t k = 0; k < n; k++)
+            row[k] *= scale;
+    }
+}
+
+static void multiply(const double *a, const double *rows, uint32_t count, uint32_t n, double *out)
+{
+    for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t k = 0; k < n; k++)
+            out[(size_t)i * n + k] = dot(a + (size_t)k * n, rows + (size_t)i * n, n);
+    }
+}
+
+void chiaro_symmetric_largest(const double *a, uint32_t n, uint32_t count, double *vectors, double *values)
+{
+    uint32_t width = 2 * count < SUBSPACE_MOST ? 2 * count : SUBSPACE_MOST;
+    double small[SUBSPACE_MOST * SUBSPACE_MOST], mix[SUBSPACE_MOST * SUBSPACE_MOST], size[SUBSPACE_MOST];
+    width = width < n ? width : n;
+    double *image = malloc(((size_t)width * n + 1) * sizeof *image);
+    memset(values, 0, n * sizeof *values);
+    memset(vectors, 0, (size_t)count * n * sizeof *vectors);
+    if (!image)
+        return;
+    /* Any start will do that is across nothing: rows of the matrix, evenly spread. */
+    for (uint32_t i = 0; i < width; i++)
+        memcpy(vectors + (size_t)i * n, a + (size_t)(((uint64_t)i * n) / width) * n, n * sizeof *vectors);
+    for (uint32_t round = 0; round < SUBSPACE_ROUNDS; round++) {
+        orthonormalize_rows(vectors, width, n);
+        multiply(a, vectors, width, n, image);
+        if (round + 1 < SUBSPACE_ROUNDS)
+            memcpy(vectors, image, (size_t)width * n * sizeof *vectors);
+    }
+    for (uint32_t i = 0; i < width; i++) {
+        for (uint32_t j = 0; j < width; j++)
+            small[i * width + j] = dot(vectors + (size_t)i * n, image + (size_t)j * n, n);
+    }
+    eigen(small, width, mix, size);
+    memset(image, 0, (size_t)width * n * sizeof *image);
+    for (uint32_t i = 0; i < count && i < width; i++) {
+        values[i] = size[i];
+        for (uint32_t j = 0; j < width; j++) {
+            for (uint32_t k = 0; k < n; k++)
+                image[(size_t)i * n + k] += mix[i * width + j] * vectors[(size_t)j * n + k];
+        }
+    }
+    memcpy(vectors, image, (size_t)(count < width ? count : width) * n * sizeof *vectors);
+    free(image);
 }

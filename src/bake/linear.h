@@ -15,8 +15,9 @@ void chiaro_cholesky(double *a, uint32_t n);
 /* In place: b = x of A x = b, with the factor that chiaro_cholesky() left. */
 void chiaro_cholesky_solve(const double *factor, uint32_t n, double *b);
 
-/* Eigenvectors of a symmetric matrix as rows of `vectors`, the largest eigenvalue first, by Jacobi's rotations.
- * `a` is destroyed; its values go to `values`. */
-void chiaro_symmetric_eigen(double *a, uint32_t n, double *vectors, double *values);
+/* The `count` largest eigenvectors of a symmetric matrix without negative eigenvalues, as rows of `vectors`, the largest
+ * first, by subspace iteration; good to about a percent of the first one's value. `vectors` has room for twice as many.
+ * Their values go to `values`, which has room for n. */
+void chiaro_symmetric_largest(const double *a, uint32_t n, uint32_t count, double *vectors, double *values);
 
 #endif

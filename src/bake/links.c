@@ -12,16 +12,24 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Rows between samples carry all bounces, so they may cost this many times what a receiver's do. */
-enum { SAMPLE_LINKS_A_LINK = 1 };
+/* What patterns may miss of the light of a run of rows before it is cut (relRMSE): smaller blocks have fewer nodes. What
+ * the samples' links miss is spread by one more gather, so they may miss more. */
+static const float SAMPLE_TOLERANCE = 0.4f, RECEIVER_TOLERANCE = 0.1f;
 
-/* A block as it came out of the fit: one allocation each. */
+/* A block as it came out of the fit. */
 typedef struct Fitted {
+    struct Fitted *next; /* of the same run of rows */
     ChiaroBlock block;
     uint32_t *nodes;
     float *weights; /* weights, then shares */
-    double error[2];
 } Fitted;
+
+/* What became of a run of rows. */
+typedef struct Run {
+    Fitted *first, *last;
+    uint32_t first_row;
+    double error[2];
+} Run;
 
 /* What each thread has for itself. */
 typedef struct Worker {
@@ -36,25 +44,32 @@ typedef struct Worker {
 
 typedef struct LinksJob {
     Baker *baker;
-    const uint32_t *begin; /* first row of each block, and one more */
+    const uint32_t *begin; /* first row of each run, and one more */
     Worker *workers;
-    Fitted *fitted;
+    Run *runs;
 } LinksJob;
 
-static bool keep_block(Fitted *fitted, const Fitter *fitter, uint32_t first_row)
+/* For chiaro_fitter_fit: adds a block to the run. */
+static bool keep_block(const Fitter *fitter, void *user)
 {
+    Run *run = user;
+    Fitted *fitted = calloc(1, sizeof *fitted);
+    if (!fitted)
+        return false;
+    *(run->last ? &run->last->next : &run->first) = fitted;
+    run->last = fitted;
     ChiaroBlock *block = &fitted->block;
-    *block = fitter->block;
-    block->first_row = first_row;
+    *block = fitter->done.block;
+    block->first_row += run->first_row;
     block->first_share = block->channels * block->rank * block->node_count;
     size_t shares = (size_t)block->rank * block->row_count;
     fitted->nodes = malloc(block->node_count * sizeof *fitted->nodes + 1);
     fitted->weights = malloc((block->first_share + shares) * sizeof *fitted->weights + 1);
     if (!fitted->nodes || !fitted->weights)
         return false;
-    memcpy(fitted->nodes, fitter->nodes, block->node_count * sizeof *fitted->nodes);
-    memcpy(fitted->weights, fitter->weights, block->first_share * sizeof *fitted->weights);
-    memcpy(fitted->weights + block->first_share, fitter->shares, shares * sizeof *fitted->weights);
+    memcpy(fitted->nodes, fitter->done.nodes, block->node_count * sizeof *fitted->nodes);
+    memcpy(fitted->weights, fitter->done.weights, block->first_share * sizeof *fitted->weights);
+    memcpy(fitted->weights + block->first_share, fitter->done.shares, shares * sizeof *fitted->weights);
     return true;
 }
 
@@ -109,17 +124,16 @@ static void link_samples(uint32_t begin, uint32_t end, uint32_t thread, void *us
         }
         for (uint32_t l = 0; l < leaves; l++)
             worker->leaves[l] = l;
-        Fitted *fitted = &job->fitted[b];
-        chiaro_fitter_fit(&worker->fitter, &rows, b, fitted->error);
-        if (keep_block(fitted, &worker->fitter, first))
+        Run *run = &job->runs[b];
+        run->first_row = first;
+        worker->failed = !chiaro_fitter_fit(&worker->fitter, &rows, b, keep_block, run, run->error);
+        for (const Fitted *fitted = run->first; fitted && !worker->failed; fitted = fitted->next)
             carry(baker, fitted, worker->sum);
-        else
-            worker->failed = true;
     }
 }
 
-/* Blocks of samples: nodes of the tree, which follow each other in the order of leaves, packed while there is room.
- * Returns the number of blocks so far. */
+/* Runs of samples: nodes of the tree, which follow each other in the order of leaves, packed while there is room.
+ * Returns the number of runs so far. */
 static uint32_t deal_samples(const Baker *baker, uint32_t index, uint32_t *begin, uint32_t count)
 {
     const ChiaroNode *node = &baker->nodes[index];
@@ -178,41 +192,46 @@ static void link_receivers(uint32_t begin, uint32_t end, uint32_t thread, void *
                 worker->form[(size_t)r * leaves + worker->place[entry.node]] = entry.weight;
             }
         }
-        chiaro_fitter_fit(&worker->fitter, &rows, b, job->fitted[b].error);
-        worker->failed = !keep_block(&job->fitted[b], &worker->fitter, first);
+        Run *run = &job->runs[b];
+        run->first_row = first;
+        worker->failed = !chiaro_fitter_fit(&worker->fitter, &rows, b, keep_block, run, run->error);
     }
 }
 
 /* --- both --- */
 
 /* The blocks, one behind the other. */
-static bool join(const Fitted *fitted, uint32_t count, LinkTable *table)
+static bool join(const Run *runs, uint32_t count, LinkTable *table)
 {
-    size_t nodes = 0, weights = 0;
+    size_t blocks = 0, nodes = 0, weights = 0;
     for (uint32_t b = 0; b < count; b++) {
-        nodes += fitted[b].block.node_count;
-        weights += fitted[b].block.first_share + (size_t)fitted[b].block.rank * fitted[b].block.row_count;
+        for (const Fitted *fitted = runs[b].first; fitted; fitted = fitted->next) {
+            blocks++;
+            nodes += fitted->block.node_count;
+            weights += fitted->block.first_share + (size_t)fitted->block.rank * fitted->block.row_count;
+        }
     }
     if (weights > UINT32_MAX)
         return false;
-    table->blocks = malloc(count * sizeof *table->blocks);
+    table->blocks = malloc(blocks * sizeof *table->blocks);
     table->nodes = malloc(nodes * sizeof *table->nodes + 1);
     table->weights = malloc(weights * sizeof *table->weights + 1);
     if (!table->blocks || !table->nodes || !table->weights)
         return false;
     for (uint32_t b = 0; b < count; b++) {
-        ChiaroBlock block = fitted[b].block;
-        size_t size = block.first_share + (size_t)block.rank * block.row_count;
-        memcpy(table->nodes + table->node_count, fitted[b].nodes, block.node_count * sizeof *table->nodes);
-        memcpy(table->weights + table->weight_count, fitted[b].weights, size * sizeof *table->weights);
-        block.first_node = table->node_count;
-        block.first_weight = table->weight_count;
-        block.first_share += table->weight_count;
-        table->blocks[b] = block;
-        table->node_count += block.node_count;
-        table->weight_count += (uint32_t)size;
+        for (const Fitted *fitted = runs[b].first; fitted; fitted = fitted->next) {
+            ChiaroBlock block = fitted->block;
+            size_t size = block.first_share + (size_t)block.rank * block.row_count;
+            memcpy(table->nodes + table->node_count, fitted->nodes, block.node_count * sizeof *table->nodes);
+            memcpy(table->weights + table->weight_count, fitted->weights, size * sizeof *table->weights);
+            block.first_node = table->node_count;
+            block.first_weight = table->weight_count;
+            block.first_share += table->weight_count;
+            table->blocks[table->block_count++] = block;
+            table->node_count += block.node_count;
+            table->weight_count += (uint32_t)size;
+        }
     }
-    table->block_count = count;
     return true;
 }
 
@@ -244,7 +263,7 @@ static void worker_destroy(Worker *worker)
     free(worker->sum);
 }
 
-/* Fits `count` blocks. `error`: relRMSE over the training lights; `cost`: multiply-adds a row and channel. */
+/* Fits `count` runs of rows. `error`: relRMSE over the training lights; `cost`: multiply-adds a row and channel. */
 static ChiaroResult run(Baker *baker, const FitTask *task, const uint32_t *begin, uint32_t count, ChiaroRangeFunc body,
                         LinkTable *table, float *error, float *cost)
 {
@@ -252,36 +271,40 @@ static ChiaroResult run(Baker *baker, const FitTask *task, const uint32_t *begin
     LinksJob job = {.baker = baker, .begin = begin};
     ChiaroResult result = CHIARO_ERROR_MEMORY;
     job.workers = calloc(threads, sizeof *job.workers);
-    job.fitted = calloc(count, sizeof *job.fitted);
-    if (job.workers && job.fitted) {
+    job.runs = calloc(count, sizeof *job.runs);
+    if (job.workers && job.runs) {
         while (ready < threads && worker_create(&job.workers[ready], task))
             ready++;
     }
-    if (job.fitted && ready == threads) {
+    if (job.runs && ready == threads) {
         bool finished = chiaro_parallel_for(threads, count, 1, body, &job, chiaro_bake_progress, baker);
         double wrong = 0, size = 0, work = 0;
         bool failed = false;
         for (uint32_t t = 0; t < threads; t++)
             failed = failed || job.workers[t].failed;
         for (uint32_t b = 0; b < count && finished && !failed; b++) {
-            const ChiaroBlock *block = &job.fitted[b].block;
-            wrong += job.fitted[b].error[0], size += job.fitted[b].error[1];
-            work += (double)block->rank * (block->row_count + block->node_count);
+            wrong += job.runs[b].error[0], size += job.runs[b].error[1];
+            for (const Fitted *fitted = job.runs[b].first; fitted; fitted = fitted->next)
+                work += (double)fitted->block.rank * (fitted->block.row_count + fitted->block.node_count);
         }
         *error = size > 0 ? (float)sqrt(fmax(0, wrong) / size) : 0;
         *cost = (float)(work / begin[count]);
         result = failed ? CHIARO_ERROR_MEMORY : finished ? CHIARO_OK : CHIARO_ERROR_INTERRUPTED;
-        if (result == CHIARO_OK && !join(job.fitted, count, table))
+        if (result == CHIARO_OK && !join(job.runs, count, table))
             result = CHIARO_ERROR_MEMORY;
     }
     for (uint32_t t = 0; job.workers && t < threads; t++)
         worker_destroy(&job.workers[t]);
-    for (uint32_t b = 0; job.fitted && b < count; b++) {
-        free(job.fitted[b].nodes);
-        free(job.fitted[b].weights);
+    for (uint32_t b = 0; job.runs && b < count; b++) {
+        for (Fitted *fitted = job.runs[b].first, *next; fitted; fitted = next) {
+            next = fitted->next;
+            free(fitted->nodes);
+            free(fitted->weights);
+            free(fitted);
+        }
     }
     free(job.workers);
-    free(job.fitted);
+    free(job.runs);
     return result;
 }
 
@@ -298,8 +321,7 @@ ChiaroResult chiaro_bake_sample_links(Baker *baker)
     begin[count] = baker->sample_count;
     for (uint32_t s = baker->sample_count; s < baker->leaf_count; s++)
         memcpy(baker->carried + (size_t)s * columns, baker->direct + (size_t)s * columns, columns * sizeof *baker->carried);
-    uint32_t links = SAMPLE_LINKS_A_LINK * baker->desc.links;
-    FitTask task = {baker, baker->direct, baker->direct, links, baker->grey ? 1 : 3, true};
+    FitTask task = {baker, baker->direct, baker->direct, baker->desc.links, baker->grey ? 1 : 3, SAMPLE_TOLERANCE, true};
     ChiaroResult result = run(baker, &task, begin, count, link_samples, &baker->sample_links,
                               &baker->info.sample_fit_error, &baker->info.sample_links);
     free(begin);
@@ -310,7 +332,7 @@ ChiaroResult chiaro_bake_sample_links(Baker *baker)
 
 ChiaroResult chiaro_bake_receiver_links(Baker *baker)
 {
-    FitTask task = {baker, baker->total, baker->carried, baker->desc.links, 1, false};
+    FitTask task = {baker, baker->total, baker->carried, baker->desc.links, 1, RECEIVER_TOLERANCE, false};
     return run(baker, &task, baker->receiver_blocks, baker->receiver_block_count, link_receivers, &baker->receiver_links,
                &baker->info.fit_error, &baker->info.receiver_links);
 }

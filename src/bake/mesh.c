@@ -457,7 +457,7 @@ static bool deal_blocks(const Receivers *receivers, uint32_t *order)
         Vec3 normal = vec3_scale(draft->normal, turn);
         items[r] = (ClusterItem){{draft->place.x, draft->place.y, draft->place.z, normal.x, normal.y, normal.z}, 1};
     }
-    if (!items || !baker->receiver_blocks || !chiaro_cluster(items, n, (n + USUAL_BLOCK - 1) / USUAL_BLOCK, &tree)) {
+    if (!items || !baker->receiver_blocks || !chiaro_cluster(items, n, (n + USUAL_BLOCK - 1) / USUAL_BLOCK, NULL, NULL, &tree)) {
         free(items);
         return false;
     }

@@ -7,6 +7,7 @@
  */
 #include "../core/cube.h"
 #include "../core/log.h"
+#include "../offline/parallel.h"
 #include "../offline/random.h"
 #include "bake.h"
 #include "chiaro_shared.h"
@@ -25,6 +26,10 @@ enum {
 /* Default M: see chiaro_bake_patches(). */
 static const float PATCH_PART_OF_FREE_PATH = 0.06f, DEFAULT_LEAST_SAMPLES = 2048, DEFAULT_MOST_SAMPLES = 16384;
 static const uint32_t MAX_SMALL = 6u << 20;
+/* Height over a patch from which its parts are to see each other, in patches. */
+static const float HOVER = 0.2f;
+/* More patches than were asked for. */
+static const double MOST_EXCESS = 1.1;
 
 /* Barycentric corners of small triangle k of a lattice of n; returns false past the end. */
 static void lattice_corners(uint32_t n, uint32_t k, float corner[3][2])
@@ -211,6 +216,72 @@ static ClusterItem *describe_small(const Baker *baker)
     return items;
 }
 
+/* A place above each small triangle. */
+typedef struct Hover {
+    const Baker *baker;
+    Vec3 *places;
+} Hover;
+
+/* A part of a patch high, or half way to what is there. */
+static Vec3 hover_place(const Baker *baker, uint32_t small)
+{
+    Vec3 c[3];
+    small_corners(baker, small, c);
+    Vec3 normal = vec3_normalize(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0])));
+    Vec3 place = vec3_scale(vec3_add(c[0], vec3_add(c[1], c[2])), 1.0f / 3);
+    float height = HOVER * baker->info.patch_size;
+    ChiaroHit hit;
+    place = vec3_mad(place, normal, chiaro_rays_epsilon(baker->rays));
+    if (chiaro_rays_hit(baker->rays, place, normal, 0, 2 * height, &hit))
+        height = hit.distance / 2;
+    return vec3_mad(place, normal, height);
+}
+
+static void hover(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    Hover *hovers = user;
+    (void)thread;
+    for (uint32_t small = begin; small < end; small++)
+        hovers->places[small] = hover_place(hovers->baker, small);
+}
+
+/* For chiaro_cluster(): two faces of a patch between which a wall stands share no light. Those that see the first one's
+ * place go left. */
+static uint32_t split_at_walls(uint32_t *order, uint32_t count, void *user)
+{
+    const Hover *hovers = user;
+    Vec3 from = hovers->places[order[0]];
+    uint32_t left = 1;
+    for (uint32_t k = 1; k < count; k++) {
+        Vec3 way = vec3_sub(hovers->places[order[k]], from);
+        float distance = vec3_length(way);
+        if (distance > 0 && chiaro_rays_blocked(hovers->baker->rays, from, vec3_scale(way, 1 / distance), 0, distance))
+            continue;
+        uint32_t small = order[k];
+        order[k] = order[left], order[left++] = small;
+    }
+    return left;
+}
+
+/* Groups small triangles into about as many patches as were asked for. */
+static bool cluster_small(Baker *baker, const ClusterItem *items, ClusterTree *tree)
+{
+    uint32_t count = baker->patches.small_count, wanted = baker->desc.samples;
+    Hover hovers = {baker, malloc(count * sizeof *hovers.places)};
+    if (!hovers.places)
+        return false;
+    chiaro_parallel_for(baker->desc.threads, count, 256, hover, &hovers, NULL, NULL);
+    bool ok = chiaro_cluster(items, count, wanted, split_at_walls, &hovers, tree);
+    /* Where walls have made many more of them, fewer are asked for. */
+    if (ok && tree->leaf_count > MOST_EXCESS * wanted) {
+        wanted = (uint32_t)((double)wanted * wanted / tree->leaf_count);
+        chiaro_cluster_free(tree);
+        ok = chiaro_cluster(items, count, wanted, split_at_walls, &hovers, tree);
+    }
+    free(hovers.places);
+    return ok;
+}
+
 /* The point that stands for a group of small triangles: its centroid if that lies on one of them, else the centre of the
  * nearest. Groups can be bent or in pieces, and a point in the air would be lit wrongly. */
 static void place_point(const Baker *baker, const ClusterItem *items, const uint32_t *small, uint32_t count,
@@ -273,7 +344,7 @@ static ChiaroResult make_sample(Baker *baker, const ClusterItem *items, uint32_t
     }
     sample->area = (float)area;
     sample->first_point = baker->point_count;
-    if (!chiaro_cluster(own, count, POINTS_A_SAMPLE, &tree)) {
+    if (!chiaro_cluster(own, count, POINTS_A_SAMPLE, NULL, NULL, &tree)) {
         free(own);
         return CHIARO_ERROR_MEMORY;
     }
@@ -570,7 +641,7 @@ ChiaroResult chiaro_bake_patches(Baker *baker)
     ClusterTree surface = {0}, sky = {0};
     ClusterItem *items = describe_small(baker), *texels = NULL;
     result = CHIARO_ERROR_MEMORY;
-    if (!items || !chiaro_cluster(items, baker->patches.small_count, baker->desc.samples, &surface))
+    if (!items || !cluster_small(baker, items, &surface))
         goto done;
     /* Emitters are heavier only while leaves are dealt out. */
     for (uint32_t k = 0; k < baker->patches.small_count; k++)
@@ -591,7 +662,7 @@ ChiaroResult chiaro_bake_patches(Baker *baker)
         if (!texels || !baker->sky_order)
             goto done;
         describe_sky(texels);
-        if (!chiaro_cluster(texels, baker->sky_count, baker->sky_count, &sky))
+        if (!chiaro_cluster(texels, baker->sky_count, baker->sky_count, NULL, NULL, &sky))
             goto done;
     }
     baker->leaf_count = baker->sample_count + baker->sky_count;
