@@ -583,9 +583,9 @@ static void light_scaled(Bake *bake, float scale)
     float l = scale, h = 1.5f * scale;
     mesh_quad(&mesh, vec3(l, l, h), vec3(h, l, h), vec3(h, l, l), vec3(l, l, l)); /* a shelf that faces up */
     ChiaroBakeDesc desc = small_bake();
-    desc.samples = 1024, desc.links = 128, desc.rays = 8192; /* patches, blocks and rays may fall otherwise */
+    desc.samples = 1024, desc.links = 128, desc.rays = 4096; /* patches, blocks and rays may fall otherwise */
     open_bake(bake, &mesh, &desc);
-    ChiaroLight lamp = lamp_at(1.2f * scale, 1.7f * scale, 3 * scale, scale * scale);
+    ChiaroLight lamp = lamp_at(1.2f * scale, 1.2f * scale, 3 * scale, scale * scale);
     light_up(bake, &lamp, 1, NULL);
 }
 
