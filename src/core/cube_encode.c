@@ -1,0 +1,149 @@
+/* Cubes as a device stores them (article: "you will get away just fine with normal fixed point texture data"). */
+#include "chiaro/chiaro_objects.h"
+
+#include <math.h>
+#include <string.h>
+
+#define HALF_MAX 65504.0f
+
+/* E5B9G9R9: nine bits a colour, an exponent of bias 15 that all three share. */
+enum { SHARED_BITS = 9, SHARED_BIAS = 15, SHARED_ALL = (1 << SHARED_BITS) - 1 };
+#define SHARED_MAX 65408.0f
+
+/* A comparison with NaN is false: NaN becomes low. */
+static float clamp(float value, float low, float high) { return value > low ? (value < high ? value : high) : low; }
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Half floats; no sign: what is encoded here is never negative
+ */
+
+static uint16_t half_encode(float value)
+{
+    uint32_t bits;
+    value = clamp(value, 0, HALF_MAX);
+    if (value < 0x1p-14f) /* subnormal: steps of 2^-24; a number that rounds up to 2^-14 comes out right as well */
+        return (uint16_t)nearbyintf(value * 0x1p24f);
+    memcpy(&bits, &value, sizeof bits);
+    uint32_t odd = bits >> 13 & 1;
+    return (uint16_t)((bits - (112u << 23) + 0xfff + odd) >> 13);
+}
+
+static float half_decode(uint16_t half)
+{
+    uint32_t exponent = half >> 10 & 31, fraction = half & 1023;
+    float value = exponent ? ldexpf((float)(1024 + fraction), (int)exponent - 25) : ldexpf((float)fraction, -24);
+    return half >> 15 ? -value : value;
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Shared exponent
+ */
+
+static uint32_t shared_encode(const float rgb[3])
+{
+    float color[3], brightest = 0;
+    for (int c = 0; c < 3; c++) {
+        color[c] = clamp(rgb[c], 0, SHARED_MAX);
+        brightest = fmaxf(brightest, color[c]);
+    }
+    int exponent;
+    /* brightest = fraction * 2^exponent with fraction in [1/2, 1); the smallest step is 2^(-bias - bits). */
+    frexpf(brightest, &exponent);
+    if (brightest == 0 || exponent < -SHARED_BIAS)
+        exponent = -SHARED_BIAS;
+    if (nearbyintf(ldexpf(brightest, SHARED_BITS - exponent)) > SHARED_ALL)
+        exponent++;
+    uint32_t bits = (uint32_t)(exponent + SHARED_BIAS) << 27;
+    for (int c = 0; c < 3; c++)
+        bits |= (uint32_t)nearbyintf(ldexpf(color[c], SHARED_BITS - exponent)) << (SHARED_BITS * c);
+    return bits;
+}
+
+static void shared_decode(uint32_t bits, float rgb[3])
+{
+    int exponent = (int)(bits >> 27) - SHARED_BIAS - SHARED_BITS;
+    for (int c = 0; c < 3; c++)
+        rgb[c] = ldexpf((float)(bits >> (SHARED_BITS * c) & SHARED_ALL), exponent);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Cubes
+ */
+
+uint32_t chiaro_cube_format_size(ChiaroCubeFormat format)
+{
+    switch (format) {
+    case CHIARO_CUBE_UNORM8: return 4;
+    case CHIARO_CUBE_HALF: return 8;
+    case CHIARO_CUBE_SHARED_EXPONENT: return 4;
+    }
+    return 0;
+}
+
+static float brightest_color(const float *texels, uint32_t count)
+{
+    float brightest = 0;
+    for (uint32_t t = 0; t < count; t++) {
+        for (int c = 0; c < 3; c++)
+            brightest = fmaxf(brightest, clamp(texels[4 * (size_t)t + (size_t)c], 0, 3e38f));
+    }
+    return brightest;
+}
+
+ChiaroResult chiaro_cube_encode(ChiaroCubeFormat format, const float *texels, uint32_t count, void *out, float *scale)
+{
+    uint32_t size = chiaro_cube_format_size(format);
+    unsigned char *bytes = out;
+    *scale = 1;
+    if (!size)
+        return CHIARO_ERROR_ARGUMENT;
+    /* In doubles the smallest scale has a finite reciprocal too. */
+    double steps = 255;
+    if (format == CHIARO_CUBE_UNORM8) {
+        *scale = brightest_color(texels, count);
+        steps = *scale > 0 ? 255 / (double)*scale : 0;
+    }
+    for (uint32_t t = 0; t < count; t++, texels += 4, bytes += size) {
+        if (format == CHIARO_CUBE_UNORM8) {
+            for (int c = 0; c < 3; c++)
+                bytes[c] = (unsigned char)((double)clamp(texels[c], 0, *scale) * steps + 0.5);
+            bytes[3] = (unsigned char)(clamp(texels[3], 0, 1) * 255 + 0.5f);
+        } else if (format == CHIARO_CUBE_HALF) {
+            uint16_t half[4] = {half_encode(texels[0]), half_encode(texels[1]), half_encode(texels[2]),
+                                half_encode(texels[3])};
+            memcpy(bytes, half, sizeof half);
+        } else {
+            uint32_t bits = shared_encode(texels);
+            memcpy(bytes, &bits, sizeof bits);
+        }
+    }
+    return CHIARO_OK;
+}
+
+ChiaroResult chiaro_cube_decode(ChiaroCubeFormat format, const void *data, uint32_t count, float scale, float *texels)
+{
+    uint32_t size = chiaro_cube_format_size(format);
+    const unsigned char *bytes = data;
+    if (!size)
+        return CHIARO_ERROR_ARGUMENT;
+    for (uint32_t t = 0; t < count; t++, texels += 4, bytes += size) {
+        float value[4] = {0};
+        if (format == CHIARO_CUBE_UNORM8) {
+            for (int c = 0; c < 4; c++)
+                value[c] = (float)bytes[c] / 255;
+        } else if (format == CHIARO_CUBE_HALF) {
+            uint16_t half[4];
+            memcpy(half, bytes, sizeof half);
+            for (int c = 0; c < 4; c++)
+                value[c] = half_decode(half[c]);
+        } else {
+            uint32_t bits;
+            memcpy(&bits, bytes, sizeof bits);
+            shared_decode(bits, value);
+        }
+        for (int c = 0; c < 3; c++)
+            texels[c] = scale * value[c];
+        texels[3] = value[3];
+    }
+    return CHIARO_OK;
+}

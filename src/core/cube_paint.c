@@ -1,0 +1,240 @@
+/* Painting environment cubes, and looking them up (article: Environment maps).
+ *
+ * The article draws a thing as one pixel. Its light then jumps from texel to texel, and a small thing may miss them all; so
+ * a thing is spread, by its true solid angle, over the texels whose tents it touches. What a texel shows is a share of its
+ * solid angle: radiance * solid angle is kept, however small the thing is.
+ */
+#include "cubes.h"
+
+#include <string.h>
+
+/* Distance of the samples that a disc is spread by, in texels, and the radius up to which one sample does. */
+#define SPACING 0.4f
+#define ONE_SAMPLE 0.15f
+/* A ring starts this much of a turn after the last: the golden section, which never lines up. */
+#define GOLDEN_TURN 2.39996323f
+
+/* Small skies are read at this many rows, twice as many columns. */
+enum { LEAST_ROWS = 512 };
+
+static bool is_direction(Vec3 d)
+{
+    float square = vec3_dot(d, d);
+    return square > 0 && isfinite(square);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Discs
+ */
+
+float chiaro_cube_sphere_angle(float radius, float distance)
+{
+    if (!(radius > 0))
+        return 0;
+    if (!(radius < distance))
+        return 2 * CHIARO_PI;
+    float s = radius / distance;
+    /* 2 pi (1 - cos), in the form that does not cancel. */
+    return 2 * CHIARO_PI * s * s / (1 + sqrtf(1 - s * s));
+}
+
+void chiaro_cube_clear(const ChiaroCubeKernel *kernel, ChiaroCubeTexel *texels)
+{
+    memset(texels, 0, kernel->texel_count * sizeof *texels);
+}
+
+/* The shares of texels that a disc takes. */
+typedef struct Cover {
+    float share[CHIARO_CUBE_MAX_TEXELS];
+    uint16_t touched[CHIARO_CUBE_MAX_TEXELS];
+    uint32_t count;
+} Cover;
+
+static void cover_point(const ChiaroCubeKernel *kernel, Vec3 d, float angle, Cover *cover)
+{
+    ChiaroCubeTaps taps = chiaro_cube_taps(kernel, d);
+    for (uint32_t k = 0; k < 4; k++) {
+        uint32_t texel = taps.texel[k];
+        if (!(taps.weight[k] > 0))
+            continue;
+        if (cover->share[texel] == 0)
+            cover->touched[cover->count++] = (uint16_t)texel;
+        cover->share[texel] += angle * taps.weight[k] / kernel->weight[texel];
+    }
+}
+
+/* Rings of samples; each sample stands for its part of its ring's solid angle. */
+static void cover_disc(const ChiaroCubeKernel *kernel, Vec3 d, float half, float angle, Cover *cover)
+{
+    float texel = CHIARO_PI / 2 / (float)kernel->edge;
+    memset(cover->share, 0, kernel->texel_count * sizeof *cover->share);
+    cover->count = 0;
+    if (half < ONE_SAMPLE * texel) {
+        cover_point(kernel, d, angle, cover);
+        return;
+    }
+    Vec3 tangent, bitangent;
+    vec3_frame(d, &tangent, &bitangent);
+    uint32_t rings = 1 + (uint32_t)(half / (SPACING * texel));
+    float step = half / (float)rings, inner = 0; /* 1 - cos of the ring's inner edge */
+    for (uint32_t r = 0; r < rings; r++) {
+        float edge = sinf(0.5f * step * (float)(r + 1)), outer = 2 * edge * edge, z = 1 - (inner + outer) / 2;
+        float radius = sqrtf(fmaxf(0, 1 - z * z));
+        uint32_t count = 1 + (uint32_t)(2 * CHIARO_PI * radius / step);
+        float part = 2 * CHIARO_PI * (outer - inner) / (float)count, turn = 2 * CHIARO_PI / (float)count;
+        float x = radius * cosf(GOLDEN_TURN * (float)r), y = radius * sinf(GOLDEN_TURN * (float)r);
+        float c = cosf(turn), s = sinf(turn);
+        for (uint32_t k = 0; k < count; k++) {
+            cover_point(kernel, vec3_mad(vec3_mad(vec3_scale(d, z), tangent, x), bitangent, y), part, cover);
+            float next = c * x - s * y;
+            y = s * x + c * y, x = next;
+        }
+        inner = outer;
+    }
+}
+
+/* A texel covered in part is covered further. */
+static void paint_texel(ChiaroCubeTexel *texel, const ChiaroCubeDisc *disc, float depth, float share)
+{
+    float before = texel->coverage, kept = before;
+    bool beside = before > 0 && fabsf(disc->distance - texel->distance) < depth;
+    bool nearer = disc->distance < texel->distance;
+    /* Side by side only what does not fit is hidden; else each hides its share of the other, as far as that is behind. */
+    if (nearer)
+        kept = beside ? fminf(before, 1 - share) : before * (1 - share);
+    else if (before > 0)
+        share = beside ? fminf(share, 1 - before) : share * (1 - before);
+    if (!(share > 0))
+        return;
+    float keep = before > 0 ? kept / before : 0;
+    for (uint32_t c = 0; c < 3; c++)
+        texel->radiance[c] = keep * texel->radiance[c] + share * disc->radiance[c];
+    texel->coverage = fminf(1, kept + share);
+    texel->distance = (kept * texel->distance + share * disc->distance) / (kept + share);
+}
+
+void chiaro_cube_paint(const ChiaroCubeKernel *kernel, ChiaroCubeTexel *texels, const ChiaroCubeDisc *disc)
+{
+    Cover cover;
+    Vec3 direction = vec3_load(disc->direction);
+    if (!is_direction(direction) || !(disc->solid_angle > 0) || !(disc->distance > 0))
+        return;
+    float angle = fminf(disc->solid_angle, 2 * CHIARO_PI), half = 2 * asinf(sqrtf(angle / (4 * CHIARO_PI)));
+    float depth = disc->depth > 0 ? disc->depth : disc->distance * sinf(half);
+    cover_disc(kernel, vec3_normalize(direction), half, angle, &cover);
+    for (uint32_t k = 0; k < cover.count; k++)
+        paint_texel(&texels[cover.touched[k]], disc, depth, fminf(1, cover.share[cover.touched[k]]));
+}
+
+void chiaro_cube_resolve(const ChiaroCubeKernel *kernel, const ChiaroCubeTexel *texels, const float *background,
+                         float *radiance)
+{
+    for (uint32_t t = 0; t < kernel->texel_count; t++) {
+        float open = 1 - texels[t].coverage;
+        for (uint32_t c = 0; c < 3; c++)
+            radiance[4 * t + c] = texels[t].radiance[c] + (background ? open * background[4 * t + c] : 0);
+        radiance[4 * t + 3] = texels[t].coverage;
+    }
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Light from far away
+ */
+
+void chiaro_cube_splat(const ChiaroCubeKernel *kernel, const float direction[3], const float flux[3], float *radiance)
+{
+    Vec3 d = vec3_load(direction);
+    if (!is_direction(d))
+        return;
+    ChiaroCubeTaps taps = chiaro_cube_taps(kernel, d);
+    for (uint32_t k = 0; k < 4; k++) {
+        float *texel = radiance + 4 * (size_t)taps.texel[k], weight = taps.weight[k] / kernel->weight[taps.texel[k]];
+        for (uint32_t c = 0; c < 3; c++)
+            texel[c] += weight * flux[c];
+    }
+}
+
+/* A background while it is gathered. Doubles: a bright sun and millions of dim pixels. */
+typedef struct Gather {
+    double sum[CHIARO_CUBE_MAX_TEXELS][3], weight[CHIARO_CUBE_MAX_TEXELS];
+} Gather;
+
+static void gather_radiance(const ChiaroCubeKernel *kernel, Vec3 d, double angle, const float rgb[3], Gather *gather)
+{
+    ChiaroCubeTaps taps = chiaro_cube_taps(kernel, d);
+    for (uint32_t k = 0; k < 4; k++) {
+        double weight = angle * (double)taps.weight[k];
+        gather->weight[taps.texel[k]] += weight;
+        for (uint32_t c = 0; c < 3; c++)
+            gather->sum[taps.texel[k]][c] += weight * (double)rgb[c];
+    }
+}
+
+/* Divided by the weights that came, not by those that should have: uniform stays uniform to the last bit or two. */
+static void finish_gather(const ChiaroCubeKernel *kernel, const Gather *gather, float *radiance)
+{
+    for (uint32_t t = 0; t < kernel->texel_count; t++) {
+        for (uint32_t c = 0; c < 3; c++)
+            radiance[4 * t + c] = gather->weight[t] > 0 ? (float)(gather->sum[t][c] / gather->weight[t]) : 0;
+        radiance[4 * t + 3] = 0;
+    }
+}
+
+void chiaro_cube_sky(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, float *radiance)
+{
+    static const double pi = 3.14159265358979323846;
+    Gather gather;
+    memset(&gather, 0, sizeof gather);
+    uint32_t rows = !sky ? 0 : sky->height > LEAST_ROWS ? sky->height : LEAST_ROWS;
+    uint32_t columns = sky && sky->width > 2 * LEAST_ROWS ? sky->width : 2 * LEAST_ROWS;
+    bool pixels = sky && rows == sky->height && columns == sky->width;
+    for (uint32_t j = 0; j < rows; j++) {
+        double upper = cos(pi * j / rows), lower = cos(pi * (j + 1.0) / rows), polar = pi * (j + 0.5) / rows;
+        double y = cos(polar), radius = sin(polar);
+        for (uint32_t i = 0; i < columns; i++) {
+            double azimuth = 2 * pi * ((i + 0.5) / columns - 0.5);
+            float d[3] = {(float)(radius * cos(azimuth)), (float)y, (float)(radius * sin(azimuth))}, rgb[3];
+            if (pixels)
+                memcpy(rgb, sky->radiance + 3 * ((size_t)j * columns + i), sizeof rgb);
+            else
+                chiaro_sky_radiance(sky, d, rgb);
+            gather_radiance(kernel, vec3_load(d), upper - lower, rgb, &gather);
+        }
+    }
+    finish_gather(kernel, &gather, radiance);
+}
+
+void chiaro_cube_background(const ChiaroCubeKernel *kernel, ChiaroRadianceFunc func, void *user, uint32_t samples,
+                            float *radiance)
+{
+    Gather gather;
+    memset(&gather, 0, sizeof gather);
+    uint32_t steps = kernel->edge * (samples ? samples : 1);
+    for (uint32_t face = 0; face < 6; face++) {
+        for (uint32_t j = 0; j < steps; j++) {
+            for (uint32_t i = 0; i < steps; i++) {
+                float x = (2 * (float)i + 1) / (float)steps - 1, y = (2 * (float)j + 1) / (float)steps - 1;
+                double square = 1 + (double)(x * x + y * y);
+                float d[3], rgb[3];
+                vec3_store(d, vec3_normalize(chiaro_cube_direction(face, x, y)));
+                func(d, rgb, user);
+                gather_radiance(kernel, vec3_load(d), 1 / (square * sqrt(square)), rgb, &gather);
+            }
+        }
+    }
+    finish_gather(kernel, &gather, radiance);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Looking up
+ */
+
+void chiaro_cube_look_up(const ChiaroCubeKernel *kernel, const float *texels, const float direction[3], float value[4])
+{
+    ChiaroCubeTaps taps = chiaro_cube_taps(kernel, vec3_load(direction));
+    for (uint32_t c = 0; c < CUBE_LANES; c++) {
+        value[c] = 0;
+        for (uint32_t k = 0; k < 4; k++)
+            value[c] += taps.weight[k] * texels[4 * taps.texel[k] + c];
+    }
+}

@@ -1,0 +1,81 @@
+/* Environment cubes: the tables of a kernel, and where a direction lies between texels.
+ *
+ * The grid of a cube is symmetric under reflection in x, y and z: its texels form orbits of 8, one texel in each octant, and
+ * every array over texels is a sum of 8 parity classes, even or odd in each axis. Smoothing commutes with reflections, so
+ * it never mixes classes: that is why it is cheap (cube_smooth.c).
+ *
+ * Orbits are numbered by their texel in the octant of positive x, y and z: (axis * half + u) * half + v, where `axis` is the
+ * axis of the face, and u and v count texels along the next axis and the one after it. Turning x into y into z then only
+ * changes `axis`.
+ */
+#ifndef CHIARO_CUBES_H
+#define CHIARO_CUBES_H
+
+#include "chiaro/chiaro_objects.h"
+#include "cube.h"
+
+enum {
+    CUBE_HALF = CHIARO_CUBE_MAX_EDGE / 2,
+    CUBE_ORBITS = 3 * CUBE_HALF * CUBE_HALF,
+    CUBE_RIM = CHIARO_CUBE_MAX_EDGE + 2, /* a face and one texel of its neighbours on every side */
+    CUBE_LANES = 4,                      /* red, green, blue, coverage */
+    CUBE_NO_TEXEL = 0xffff
+};
+
+struct ChiaroCubeKernel {
+    uint32_t edge, texel_count, orbit_count;
+    ChiaroCubeMethod method;
+    ChiaroAllocator allocator;
+    float axes[6][2][3];                         /* directions of x and y on each face, from cube.h */
+    uint16_t rim[6 * CUBE_RIM * CUBE_RIM];       /* [face][1 + row][1 + column]; CUBE_NO_TEXEL at corners of the cube */
+    uint16_t orbit[CUBE_ORBITS][8];              /* texels; bit a of the second index: negative along axis a */
+    uint16_t place[CHIARO_CUBE_MAX_TEXELS];      /* 8 * orbit + octant of a texel */
+    float weight[CHIARO_CUBE_MAX_TEXELS];        /* solid angle of a texel's tent */
+    float even[CUBE_ORBITS * CUBE_ORBITS][2];    /* row by row: class even in all axes, class even in x alone */
+    float odd_row[CUBE_ORBITS], odd_column[CUBE_ORBITS]; /* class odd in x alone: row times column */
+};
+
+/* Four texels and their weights, which add up to 1. */
+typedef struct ChiaroCubeTaps {
+    uint32_t texel[4];
+    float weight[4];
+} ChiaroCubeTaps;
+
+/* Where a direction lies between texels. The zero vector is somewhere. */
+static inline ChiaroCubeTaps chiaro_cube_taps(const ChiaroCubeKernel *kernel, Vec3 d)
+{
+    float ax = fabsf(d.x), ay = fabsf(d.y), az = fabsf(d.z), edge = (float)kernel->edge, major;
+    uint32_t face;
+    if (ax >= ay && ax >= az)
+        face = d.x > 0 ? 0 : 1, major = ax;
+    else if (ay >= az)
+        face = d.y > 0 ? 2 : 3, major = ay;
+    else
+        face = d.z > 0 ? 4 : 5, major = az;
+    float scale = edge / (2 * major), middle = edge / 2 + 0.5f;
+    /* Counted from the centre of the rim's first texel. The zero vector divides to NaN, which fmaxf turns into 0. */
+    float x = fminf(edge + 0.5f, fmaxf(0, middle + scale * vec3_dot(vec3_load(kernel->axes[face][0]), d)));
+    float y = fminf(edge + 0.5f, fmaxf(0, middle + scale * vec3_dot(vec3_load(kernel->axes[face][1]), d)));
+    uint32_t i = (uint32_t)x, j = (uint32_t)y, row = kernel->edge + 2;
+    float s = x - (float)i, t = y - (float)j;
+    const uint16_t *rim = kernel->rim + ((size_t)face * row + j) * row + i;
+    ChiaroCubeTaps taps = {{rim[0], rim[1], rim[row], rim[row + 1]},
+                           {(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t}};
+    for (uint32_t k = 0; k < 4; k++) {
+        if (taps.texel[k] != CUBE_NO_TEXEL)
+            continue;
+        /* Three texels meet: their mean stands for the fourth. */
+        float share = taps.weight[k] / 3;
+        for (uint32_t other = 0; other < 4; other++)
+            taps.weight[other] += share;
+        taps.weight[k] = 0;
+        taps.texel[k] = taps.texel[3 - k];
+        break;
+    }
+    return taps;
+}
+
+/* The matrix that smoothing multiplies with, row by row, texel_count squared doubles: for tests. */
+void chiaro_cube_kernel_matrix(const ChiaroCubeKernel *kernel, double *matrix);
+
+#endif

@@ -1,0 +1,945 @@
+/* Environment cubes against closed forms and against the dense matrix; what smoothing, painting and encoding promise. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+
+#include <cmocka.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "../src/core/cubes.h"
+#include "../src/offline/random.h"
+#include "common/check.h"
+
+static const double pi = 3.14159265358979323846;
+
+enum { MAX_FLOATS = 4 * CHIARO_CUBE_MAX_TEXELS, EDGES = 3 };
+static const uint32_t edges[EDGES] = {4, 6, 8};
+
+/* Kernels of all sizes, made once: [edge][method]. */
+typedef struct Kernels {
+    ChiaroCubeKernel *of[EDGES][2];
+} Kernels;
+
+static int make_kernels(void **state)
+{
+    Kernels *kernels = new_array(1, sizeof *kernels);
+    for (int e = 0; e < EDGES; e++) {
+        for (int m = 0; m < 2; m++)
+            assert_int_equal(chiaro_cube_kernel_create(edges[e], (ChiaroCubeMethod)m, NULL, &kernels->of[e][m]), CHIARO_OK);
+    }
+    *state = kernels;
+    return 0;
+}
+
+static int free_kernels(void **state)
+{
+    Kernels *kernels = *state;
+    for (int e = 0; e < EDGES; e++) {
+        for (int m = 0; m < 2; m++)
+            chiaro_cube_kernel_destroy(kernels->of[e][m]);
+    }
+    free(kernels);
+    return 0;
+}
+
+static ChiaroCubeKernel *fitted(void **state, int e) { return ((Kernels *)*state)->of[e][CHIARO_CUBE_FITTED]; }
+
+static Vec3 random_direction(ChiaroRandom *random)
+{
+    float y = 2 * chiaro_random_float(random) - 1, r = sqrtf(1 - y * y);
+    float phi = 2 * CHIARO_PI * chiaro_random_float(random);
+    return vec3(r * cosf(phi), y, r * sinf(phi));
+}
+
+static void random_cube(ChiaroRandom *random, uint32_t texels, float *cube)
+{
+    for (uint32_t k = 0; k < 4 * texels; k++)
+        cube[k] = chiaro_random_float(random);
+}
+
+static double look_up_red(const ChiaroCubeKernel *kernel, const float *cube, Vec3 d)
+{
+    float direction[3], value[4];
+    vec3_store(direction, d);
+    chiaro_cube_look_up(kernel, cube, direction, value);
+    return (double)value[0];
+}
+
+static double largest_difference(const float *a, const float *b, uint32_t count)
+{
+    double largest = 0;
+    for (uint32_t k = 0; k < count; k++)
+        largest = fmax(largest, fabs((double)a[k] - (double)b[k]));
+    return largest;
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * The grid
+ */
+
+static void every_texel_has_its_octant_and_its_orbit(void **state)
+{
+    for (int e = 0; e < EDGES; e++) {
+        const ChiaroCubeKernel *kernel = fitted(state, e);
+        uint32_t count = chiaro_cube_texel_count(kernel), seen[CHIARO_CUBE_MAX_TEXELS] = {0};
+        double sum = 0;
+        assert_int_equal(count, 6 * edges[e] * edges[e]);
+        for (uint32_t o = 0; o < kernel->orbit_count; o++) {
+            float angle, mirrored;
+            Vec3 first = chiaro_cube_texel_direction(kernel->orbit[o][0], edges[e], &angle);
+            for (uint32_t s = 0; s < 8; s++) {
+                uint32_t texel = kernel->orbit[o][s];
+                Vec3 d = chiaro_cube_texel_direction(texel, edges[e], &mirrored);
+                seen[texel]++;
+                assert_near("x", texel, (double)d.x, (double)(s & 1 ? -first.x : first.x), 1e-6);
+                assert_near("y", texel, (double)d.y, (double)(s & 2 ? -first.y : first.y), 1e-6);
+                assert_near("z", texel, (double)d.z, (double)(s & 4 ? -first.z : first.z), 1e-6);
+            }
+            /* Turning x into y moves an orbit to the next face. */
+            uint32_t next = (o + kernel->orbit_count / 3) % kernel->orbit_count;
+            Vec3 turned = chiaro_cube_texel_direction(kernel->orbit[next][0], edges[e], &mirrored);
+            assert_near("turned", o, (double)vec3_dot(turned, vec3(first.z, first.x, first.y)), 1, 1e-6);
+        }
+        for (uint32_t t = 0; t < count; t++) {
+            assert_int_equal(seen[t], 1);
+            sum += (double)chiaro_cube_texel_weight(kernel, t);
+        }
+        assert_near("sphere", edges[e], sum, 4 * pi, 2e-6);
+    }
+}
+
+static void a_texel_is_looked_up_at_its_centre_and_a_corner_is_the_mean_of_three(void **state)
+{
+    ChiaroRandom random = chiaro_random_seed(1, 1);
+    for (int e = 0; e < EDGES; e++) {
+        const ChiaroCubeKernel *kernel = fitted(state, e);
+        uint32_t count = chiaro_cube_texel_count(kernel), last = edges[e] - 1;
+        float cube[MAX_FLOATS], angle;
+        random_cube(&random, count, cube);
+        for (uint32_t t = 0; t < count; t++) {
+            Vec3 d = chiaro_cube_texel_direction(t, edges[e], &angle);
+            assert_near("centre", t, look_up_red(kernel, cube, d), (double)cube[4 * t], 4e-6);
+        }
+        for (uint32_t s = 0; s < 8; s++) {
+            Vec3 corner = vec3(s & 1 ? -1 : 1, s & 2 ? -1 : 1, s & 4 ? -1 : 1);
+            double mean = 0;
+            for (uint32_t t = 0; t < count; t++) {
+                uint32_t i = t % edges[e], j = t / edges[e] % edges[e];
+                bool at_corner = (i == 0 || i == last) && (j == 0 || j == last);
+                Vec3 d = chiaro_cube_texel_direction(t, edges[e], &angle);
+                if (at_corner && d.x * corner.x > 0 && d.y * corner.y > 0 && d.z * corner.z > 0)
+                    mean += (double)cube[4 * t] / 3;
+            }
+            assert_near("corner", s, look_up_red(kernel, cube, corner), mean, 4e-6);
+        }
+    }
+}
+
+/* Across edges and corners of the cube too: a step of 1e-4 changes little, and never the sum of the weights. */
+static void look_up_has_no_seams(void **state)
+{
+    ChiaroRandom random = chiaro_random_seed(2, 1);
+    for (int e = 0; e < EDGES; e++) {
+        const ChiaroCubeKernel *kernel = fitted(state, e);
+        float cube[MAX_FLOATS];
+        double largest = 0;
+        random_cube(&random, chiaro_cube_texel_count(kernel), cube);
+        for (int k = 0; k < 40000; k++) {
+            Vec3 d = random_direction(&random);
+            /* Half of them on an edge, some of those close to a corner. */
+            if (k & 1)
+                d.x = copysignf(fabsf(d.y), d.x);
+            if ((k & 7) == 7)
+                d.z = copysignf(fabsf(d.y) * (1 + 1e-4f * chiaro_random_float(&random)), d.z);
+            d = vec3_normalize(d);
+            ChiaroCubeTaps taps = chiaro_cube_taps(kernel, d);
+            double sum = 0;
+            for (int t = 0; t < 4; t++) {
+                assert_true(taps.texel[t] < chiaro_cube_texel_count(kernel) && taps.weight[t] >= 0);
+                sum += (double)taps.weight[t];
+            }
+            assert_near("weights", k, sum, 1, 1e-6);
+            Vec3 beside = vec3_normalize(vec3_mad(d, random_direction(&random), 1e-4f));
+            largest = fmax(largest, fabs(look_up_red(kernel, cube, d) - look_up_red(kernel, cube, beside)));
+        }
+        /* The steepest slope of the tents: texels that differ by 1 lie 1.5 / edge or so apart, near corners half of that. */
+        assert_below("step", edges[e], largest, 1e-4 * 3 * edges[e]);
+    }
+}
+
+static void strange_directions_do_no_harm(void **state)
+{
+    static const float odd[] = {0, NAN, INFINITY, -INFINITY, 1e-42f, 3e38f, -3e38f};
+    enum { ODD = sizeof odd / sizeof *odd };
+    for (int e = 0; e < EDGES; e++) {
+        const ChiaroCubeKernel *kernel = fitted(state, e);
+        float cube[MAX_FLOATS] = {0}, value[4];
+        ChiaroCubeTexel texels[CHIARO_CUBE_MAX_TEXELS];
+        chiaro_cube_clear(kernel, texels);
+        for (int k = 0; k < ODD * ODD * ODD; k++) {
+            float d[3] = {odd[k % ODD], odd[k / ODD % ODD], odd[k / ODD / ODD]};
+            ChiaroCubeTaps taps = chiaro_cube_taps(kernel, vec3_load(d));
+            for (int t = 0; t < 4; t++)
+                assert_true(taps.texel[t] < chiaro_cube_texel_count(kernel));
+            chiaro_cube_look_up(kernel, cube, d, value);
+            ChiaroCubeDisc disc = {.direction = {d[0], d[1], d[2]}, .solid_angle = 0.1f, .distance = 1, .radiance = {1, 1, 1}};
+            chiaro_cube_paint(kernel, texels, &disc);
+            chiaro_cube_splat(kernel, d, disc.radiance, cube);
+        }
+        for (uint32_t t = 0; t < chiaro_cube_texel_count(kernel); t++)
+            assert_true(isfinite(cube[4 * t]) && isfinite(texels[t].radiance[0]) && texels[t].coverage <= 1);
+    }
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Smoothing
+ */
+
+/* The article's matrix, straight from its words. */
+static void plain_matrix(uint32_t edge, double *matrix)
+{
+    uint32_t count = 6 * edge * edge;
+    float angle;
+    for (uint32_t i = 0; i < count; i++) {
+        Vec3 a = chiaro_cube_texel_direction(i, edge, &angle);
+        double sum = 0;
+        for (uint32_t j = 0; j < count; j++) {
+            Vec3 b = chiaro_cube_texel_direction(j, edge, &angle);
+            double cosine = (double)a.x * (double)b.x + (double)a.y * (double)b.y + (double)a.z * (double)b.z;
+            sum += matrix[i * count + j] = fmax(0, cosine) * (double)angle;
+        }
+        for (uint32_t j = 0; j < count; j++)
+            matrix[i * count + j] /= sum;
+    }
+}
+
+/* Largest error of smoothing against the matrix, as a part of the largest value. */
+static double smoothing_error(const ChiaroCubeKernel *kernel, const double *matrix, const float *in)
+{
+    uint32_t count = chiaro_cube_texel_count(kernel);
+    float out[MAX_FLOATS];
+    double error = 0, largest = 0;
+    chiaro_cube_smooth(kernel, in, out);
+    for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t c = 0; c < 4; c++) {
+            double sum = 0;
+            for (uint32_t j = 0; j < count; j++)
+                sum += matrix[i * count + j] * (double)in[4 * j + c];
+            error = fmax(error, fabs((double)out[4 * i + c] - sum));
+            largest = fmax(largest, fabs(sum));
+        }
+    }
+    return error / largest;
+}
+
+static void parity_classes_smooth_as_the_dense_matrix_does(void **state)
+{
+    ChiaroRandom random = chiaro_random_seed(3, 1);
+    for (int e = 0; e < EDGES; e++) {
+        uint32_t count = 6 * edges[e] * edges[e];
+        double *matrix = new_array((size_t)count * count, sizeof *matrix);
+        for (int m = 0; m < 2; m++) {
+            const ChiaroCubeKernel *kernel = ((Kernels *)*state)->of[e][m];
+            double full = 0, single = 0;
+            if (m == CHIARO_CUBE_PLAIN)
+                plain_matrix(edges[e], matrix);
+            else
+                chiaro_cube_kernel_matrix(kernel, matrix);
+            for (int k = 0; k < 10; k++) {
+                float in[MAX_FLOATS];
+                random_cube(&random, count, in);
+                full = fmax(full, smoothing_error(kernel, matrix, in));
+            }
+            for (uint32_t t = 0; t < count; t++) {
+                float in[MAX_FLOATS] = {0};
+                in[4 * t] = 1, in[4 * t + 1] = 0.5f, in[4 * t + 2] = 3, in[4 * t + 3] = 2;
+                single = fmax(single, smoothing_error(kernel, matrix, in));
+            }
+            printf("%u %s: against the dense matrix %.2g, one texel %.2g of the largest value\n", edges[e],
+                   m ? "plain" : "fitted", full, single);
+            assert_below("random", edges[e], full, 2e-6);
+            assert_below("one texel", edges[e], single, 2e-6);
+        }
+        free(matrix);
+    }
+}
+
+static void uniform_stays_uniform(void **state)
+{
+    for (int e = 0; e < EDGES; e++) {
+        for (int m = 0; m < 2; m++) {
+            const ChiaroCubeKernel *kernel = ((Kernels *)*state)->of[e][m];
+            float cube[MAX_FLOATS];
+            double error = 0;
+            for (uint32_t k = 0; k < 4 * chiaro_cube_texel_count(kernel); k++)
+                cube[k] = k % 4 < 3 ? 0.7f : 1;
+            chiaro_cube_smooth(kernel, cube, cube);
+            for (uint32_t k = 0; k < 4 * chiaro_cube_texel_count(kernel); k++)
+                error = fmax(error, fabs((double)cube[k] / (k % 4 < 3 ? 0.7 : 1) - 1));
+            printf("%u %s: uniform to %.2g\n", edges[e], m ? "plain" : "fitted", error);
+            assert_below("uniform", edges[e], error, 1e-6);
+        }
+    }
+}
+
+/* Irradiance sums up to what radiance does: a bounce loop neither gains nor loses. */
+static void smoothing_keeps_energy(void **state)
+{
+    ChiaroRandom random = chiaro_random_seed(4, 1);
+    for (int e = 0; e < EDGES; e++) {
+        const ChiaroCubeKernel *kernel = fitted(state, e);
+        uint32_t count = chiaro_cube_texel_count(kernel);
+        double worst = 0;
+        for (int k = 0; k < 50; k++) {
+            float cube[MAX_FLOATS] = {0};
+            double before = 0, after = 0;
+            if (k < 10)
+                random_cube(&random, count, cube);
+            else
+                cube[4 * ((uint32_t)(chiaro_random_float(&random) * (float)count))] = 1;
+            for (uint32_t t = 0; t < count; t++)
+                before += (double)(cube[4 * t] * chiaro_cube_texel_weight(kernel, t));
+            chiaro_cube_smooth(kernel, cube, cube);
+            for (uint32_t t = 0; t < count; t++)
+                after += (double)(cube[4 * t] * chiaro_cube_texel_weight(kernel, t));
+            worst = fmax(worst, fabs(after / before - 1));
+        }
+        printf("%u: energy to %.2g\n", edges[e], worst);
+        assert_below("energy", edges[e], worst, 2e-3);
+    }
+}
+
+/* All 48 ways to exchange and turn round the axes; 24 of them are rotations. */
+static void turning_the_surroundings_turns_the_light(void **state)
+{
+    static const int order[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {2, 1, 0}, {1, 0, 2}};
+    ChiaroRandom random = chiaro_random_seed(5, 1);
+    for (int e = 0; e < EDGES; e++) {
+        for (int m = 0; m < 2; m++) {
+            const ChiaroCubeKernel *kernel = ((Kernels *)*state)->of[e][m];
+            uint32_t count = chiaro_cube_texel_count(kernel);
+            float cube[MAX_FLOATS], smooth[MAX_FLOATS];
+            double worst = 0;
+            random_cube(&random, count, cube);
+            chiaro_cube_smooth(kernel, cube, smooth);
+            for (int k = 0; k < 48; k++) {
+                float turned[MAX_FLOATS], expected[MAX_FLOATS], angle, d[3];
+                for (uint32_t t = 0; t < count; t++) {
+                    vec3_store(d, chiaro_cube_texel_direction(t, edges[e], &angle));
+                    float v[3];
+                    for (int a = 0; a < 3; a++)
+                        v[a] = (k >> a & 1 ? -1.0f : 1.0f) * d[order[k / 8][a]];
+                    uint32_t to = chiaro_cube_texel(vec3_load(v), edges[e]);
+                    memcpy(turned + 4 * to, cube + 4 * t, 16);
+                    memcpy(expected + 4 * to, smooth + 4 * t, 16);
+                }
+                chiaro_cube_smooth(kernel, turned, turned);
+                worst = fmax(worst, largest_difference(turned, expected, 4 * count));
+            }
+            printf("%u %s: turned to %.2g\n", edges[e], m ? "plain" : "fitted", worst);
+            assert_below("turned", edges[e], worst, 1e-6);
+        }
+    }
+}
+
+static void smoothing_is_cheap(void **state)
+{
+    static const uint32_t limit[EDGES] = {2500, 10500, 30000};
+    for (int e = 0; e < EDGES; e++) {
+        uint32_t cost = chiaro_cube_multiply_adds(fitted(state, e)), count = chiaro_cube_texel_count(fitted(state, e));
+        printf("%u: %u multiply-adds instead of %u\n", edges[e], cost, 3 * count * count);
+        assert_in_range(cost, 1, limit[e]);
+    }
+}
+
+/* Changes are added to what is there; smoothing everything anew tells what should be there. */
+static void changes_can_be_added(void **state)
+{
+    ChiaroRandom random = chiaro_random_seed(6, 1);
+    for (int e = 0; e < EDGES; e++) {
+        for (int m = 0; m < 2; m++) {
+            const ChiaroCubeKernel *kernel = ((Kernels *)*state)->of[e][m];
+            uint32_t count = chiaro_cube_texel_count(kernel);
+            float cube[MAX_FLOATS], smooth[MAX_FLOATS], anew[MAX_FLOATS], first[MAX_FLOATS];
+            random_cube(&random, count, cube);
+            chiaro_cube_smooth(kernel, cube, smooth);
+            memcpy(first, smooth, sizeof first);
+            for (int k = 0; k < 200; k++) {
+                uint32_t texel = (uint32_t)(chiaro_random_float(&random) * (float)count);
+                float change[4];
+                for (int c = 0; c < 4; c++) {
+                    change[c] = 2 * chiaro_random_float(&random) - 1;
+                    cube[4 * texel + (uint32_t)c] += change[c];
+                }
+                chiaro_cube_smooth_texel(kernel, texel, change, smooth);
+            }
+            chiaro_cube_smooth(kernel, cube, anew);
+            double texels = largest_difference(smooth, anew, 4 * count);
+            float change[MAX_FLOATS], back[MAX_FLOATS];
+            for (uint32_t k = 0; k < 4 * count; k++)
+                back[k] = chiaro_random_float(&random), change[k] = back[k] - cube[k];
+            chiaro_cube_smooth_add(kernel, change, smooth);
+            chiaro_cube_smooth(kernel, back, anew);
+            double whole = largest_difference(smooth, anew, 4 * count);
+            assert_true(largest_difference(first, anew, 4 * count) > 0.01); /* something did change */
+            printf("%u %s: 200 texels added to %.2g, a cube to %.2g\n", edges[e], m ? "plain" : "fitted", texels, whole);
+            assert_below("texels", edges[e], texels, 1e-5);
+            assert_below("cube", edges[e], whole, 1e-5);
+        }
+    }
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Light against closed forms
+ */
+
+static void one_far_light_from_anywhere(void **state)
+{
+    static const double limit[EDGES] = {0.018, 0.010, 0.0065};
+    for (int e = 0; e < EDGES; e++) {
+        double rms[2];
+        for (int m = 0; m < 2; m++) {
+            const ChiaroCubeKernel *kernel = ((Kernels *)*state)->of[e][m];
+            ChiaroRandom random = chiaro_random_seed(7, 1);
+            double sum = 0;
+            const int lights = 500, normals = 500;
+            for (int l = 0; l < lights; l++) {
+                float cube[MAX_FLOATS] = {0}, d[3], flux[3] = {CHIARO_PI, 1, 0};
+                vec3_store(d, random_direction(&random));
+                chiaro_cube_splat(kernel, d, flux, cube);
+                chiaro_cube_smooth(kernel, cube, cube);
+                for (int k = 0; k < normals; k++) {
+                    Vec3 normal = random_direction(&random);
+                    double truth = fmax(0, (double)vec3_dot(normal, vec3_load(d)));
+                    double error = look_up_red(kernel, cube, normal) - truth;
+                    sum += error * error;
+                }
+            }
+            rms[m] = sqrt(sum / lights / normals);
+        }
+        printf("%u: a far light to %.4f of its peak (plain %.4f)\n", edges[e], rms[0], rms[1]);
+        assert_below("light", edges[e], rms[0], limit[e]);
+        assert_true(rms[0] < rms[1]);
+    }
+}
+
+/* A test sky: radiance by direction. */
+typedef struct TestSky {
+    const char *name;
+    Vec3 sun;
+    double sun_cosine, sun_radiance;
+} TestSky;
+
+static void test_sky_radiance(const float d[3], float rgb[3], void *user)
+{
+    const TestSky *sky = user;
+    double up = (double)d[1], horizon = exp(-8 * fabs(up));
+    double blue = up > 0 ? 0.4 + 0.6 * up : 0.05, cosine = (double)vec3_dot(vec3_load(d), sky->sun);
+    double glow = exp(20 * (cosine - 1)), disc = cosine > sky->sun_cosine ? sky->sun_radiance : 0;
+    rgb[0] = (float)(0.5 * blue + horizon + 2 * glow + disc);
+    rgb[1] = (float)(0.7 * blue + 0.9 * horizon + 1.5 * glow + 0.9 * disc);
+    rgb[2] = (float)(blue + 0.6 * horizon + glow + 0.7 * disc);
+}
+
+static void skies_light_as_they_should(void **state)
+{
+    enum { ROWS = 512, COLUMNS = 1024, NORMALS = 100 };
+    static const double limit[EDGES] = {0.032, 0.018, 0.010};
+    TestSky skies[] = {
+        {"gradient", {0, 1, 0}, 2, 0},
+        {"high sun", {0.36f, 0.8f, 0.48f}, 0.9996, 5000},
+        {"low sun", {-0.7f, 0.14f, -0.7f}, 0.9996, 3000},
+        {"window", {0.6f, 0.64f, -0.48f}, 0.94, 20},
+    };
+    float *image = new_array(3 * (size_t)ROWS * COLUMNS, sizeof *image);
+    for (size_t s = 0; s < sizeof skies / sizeof *skies; s++) {
+        ChiaroRandom random = chiaro_random_seed(8, s);
+        double (*truth)[3] = new_array(NORMALS, sizeof *truth);
+        Vec3 normals[NORMALS];
+        skies[s].sun = vec3_normalize(skies[s].sun);
+        for (int k = 0; k < NORMALS; k++)
+            normals[k] = random_direction(&random);
+        for (int j = 0; j < ROWS; j++) {
+            double polar = pi * (j + 0.5) / ROWS, angle = 2 * pi / COLUMNS * 2 * sin(pi / ROWS / 2) * sin(polar);
+            for (int i = 0; i < COLUMNS; i++) {
+                double azimuth = 2 * pi * ((i + 0.5) / COLUMNS - 0.5);
+                float *rgb = image + 3 * ((size_t)j * COLUMNS + (size_t)i);
+                float d[3] = {(float)(sin(polar) * cos(azimuth)), (float)cos(polar), (float)(sin(polar) * sin(azimuth))};
+                test_sky_radiance(d, rgb, &skies[s]);
+                for (int k = 0; k < NORMALS; k++) {
+                    float cosine = vec3_dot(normals[k], vec3_load(d));
+                    for (int c = 0; cosine > 0 && c < 3; c++)
+                        truth[k][c] += angle / pi * (double)(cosine * rgb[c]);
+                }
+            }
+        }
+        ChiaroSky sky = {COLUMNS, ROWS, image};
+        for (int e = 0; e < EDGES; e++) {
+            double error = 0, sum = 0, function = 0;
+            float cube[MAX_FLOATS], other[MAX_FLOATS];
+            chiaro_cube_sky(fitted(state, e), &sky, cube);
+            chiaro_cube_background(fitted(state, e), test_sky_radiance, &skies[s], 64, other);
+            chiaro_cube_smooth(fitted(state, e), cube, cube);
+            chiaro_cube_smooth(fitted(state, e), other, other);
+            for (int k = 0; k < NORMALS; k++) {
+                float d[3], value[4], second[4];
+                vec3_store(d, normals[k]);
+                chiaro_cube_look_up(fitted(state, e), cube, d, value);
+                chiaro_cube_look_up(fitted(state, e), other, d, second);
+                for (int c = 0; c < 3; c++) {
+                    error += pow((double)value[c] - truth[k][c], 2), sum += truth[k][c] * truth[k][c];
+                    function += pow((double)second[c] - (double)value[c], 2);
+                }
+            }
+            printf("%u: sky \"%s\" relRMSE %.4f; as a function, %.4f from it\n", edges[e], skies[s].name,
+                   sqrt(error / sum), sqrt(function / sum));
+            assert_below(skies[s].name, edges[e], sqrt(error / sum), limit[e]);
+            assert_below(skies[s].name, edges[e], sqrt(function / sum), 0.02);
+        }
+        free(truth);
+    }
+    free(image);
+}
+
+static void a_uniform_sky_is_uniform_and_no_sky_is_black(void **state)
+{
+    float rgb[3] = {0.25f, 3, 1e-3f};
+    ChiaroSky sky = {1, 1, rgb};
+    for (int e = 0; e < EDGES; e++) {
+        float cube[MAX_FLOATS];
+        chiaro_cube_sky(fitted(state, e), &sky, cube);
+        for (uint32_t k = 0; k < 4 * chiaro_cube_texel_count(fitted(state, e)); k++) {
+            double truth = k % 4 < 3 ? (double)rgb[k % 4] : 0;
+            assert_near("uniform", k, (double)cube[k], truth, 1e-6 * truth);
+        }
+        chiaro_cube_sky(fitted(state, e), NULL, cube);
+        for (uint32_t k = 0; k < 4 * chiaro_cube_texel_count(fitted(state, e)); k++)
+            assert_true(cube[k] == 0);
+    }
+}
+
+/* Irradiance / pi from a sphere of radiance 1 and half-angle `half`, at `angle` off the normal: truths, patch to sphere. */
+static double sphere_irradiance(double half, double angle)
+{
+    double h = 1 / sin(half), x = sqrt(h * h - 1);
+    if (angle <= pi / 2 - half)
+        return cos(angle) / (h * h);
+    if (angle >= pi / 2 + half)
+        return 0;
+    double y = -x * cos(angle) / sin(angle), root = sin(angle) * sqrt(fmax(0, 1 - y * y));
+    return (cos(angle) * acos(y) - x * root) / (pi * h * h) + atan(root / x) / pi;
+}
+
+static void a_painted_sphere_lights_as_it_should(void **state)
+{
+    static const double limit[EDGES] = {0.04, 0.03, 0.02}, halves[] = {0.1, 1, 3, 5, 10, 20, 30, 45, 60, 80};
+    for (int e = 0; e < EDGES; e++) {
+        const ChiaroCubeKernel *kernel = fitted(state, e);
+        ChiaroRandom random = chiaro_random_seed(9, 1);
+        for (size_t h = 0; h < sizeof halves / sizeof *halves; h++) {
+            double half = halves[h] * pi / 180, worst = 0, total = 0, energy = 0;
+            const int placements = 60, normals = 400;
+            for (int p = 0; p < placements; p++) {
+                ChiaroCubeTexel texels[CHIARO_CUBE_MAX_TEXELS];
+                ChiaroCubeDisc disc = {.solid_angle = chiaro_cube_sphere_angle((float)sin(half) * 5, 5), .distance = 5,
+                                       .radiance = {1, 2, 3}};
+                Vec3 d = random_direction(&random);
+                float cube[MAX_FLOATS];
+                double sum = 0, kept = 0;
+                vec3_store(disc.direction, vec3_scale(d, 7));
+                chiaro_cube_clear(kernel, texels);
+                chiaro_cube_paint(kernel, texels, &disc);
+                chiaro_cube_resolve(kernel, texels, NULL, cube);
+                for (uint32_t t = 0; t < chiaro_cube_texel_count(kernel); t++)
+                    kept += (double)(cube[4 * t] * chiaro_cube_texel_weight(kernel, t));
+                energy = fmax(energy, fabs(kept / (2 * pi * (1 - cos(half))) - 1));
+                chiaro_cube_smooth(kernel, cube, cube);
+                for (int k = 0; k < normals; k++) {
+                    Vec3 normal = random_direction(&random);
+                    double truth = sphere_irradiance(half, acos(fmax(-1, fmin(1, (double)vec3_dot(normal, d)))));
+                    sum += pow(look_up_red(kernel, cube, normal) - truth, 2);
+                }
+                double rms = sqrt(sum / normals) / pow(sin(half), 2);
+                worst = fmax(worst, rms), total += rms * rms;
+            }
+            printf("%u: sphere of %4.1f degrees: rms %.4f of its peak, worst placement %.4f; energy to %.2g\n", edges[e],
+                   halves[h], sqrt(total / placements), worst, energy);
+            assert_below("sphere", halves[h], worst, limit[e]);
+            assert_below("energy", halves[h], energy, 0.02);
+        }
+    }
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * What hides what
+ */
+
+static ChiaroCubeDisc a_disc(Vec3 d, double degrees, float distance, float red, float green)
+{
+    ChiaroCubeDisc disc = {.distance = distance, .radiance = {red, green, 0}};
+    vec3_store(disc.direction, d);
+    disc.solid_angle = (float)(2 * pi * (1 - cos(degrees * pi / 180)));
+    return disc;
+}
+
+static void sum_colors(const ChiaroCubeKernel *kernel, const ChiaroCubeTexel *texels, double sum[4])
+{
+    memset(sum, 0, 4 * sizeof *sum);
+    for (uint32_t t = 0; t < chiaro_cube_texel_count(kernel); t++) {
+        for (int c = 0; c < 3; c++)
+            sum[c] += (double)(texels[t].radiance[c] * chiaro_cube_texel_weight(kernel, t));
+        sum[3] += (double)(texels[t].coverage * chiaro_cube_texel_weight(kernel, t));
+    }
+}
+
+static void nothing_is_too_small_to_count(void **state)
+{
+    ChiaroRandom random = chiaro_random_seed(10, 1);
+    for (int e = 0; e < EDGES; e++) {
+        const ChiaroCubeKernel *kernel = fitted(state, e);
+        for (int k = 0; k < 2000; k++) {
+            ChiaroCubeTexel texels[CHIARO_CUBE_MAX_TEXELS];
+            ChiaroCubeDisc disc = a_disc(random_direction(&random), 0, 3, 1, 0);
+            double angle = pow(10, 7 * (double)chiaro_random_float(&random) - 9), sum[4];
+            disc.solid_angle = (float)angle;
+            chiaro_cube_clear(kernel, texels);
+            chiaro_cube_paint(kernel, texels, &disc);
+            sum_colors(kernel, texels, sum);
+            assert_near("light", angle, sum[0], angle, 1e-5 * angle);
+            assert_near("cover", angle, sum[3], angle, 1e-5 * angle);
+        }
+    }
+}
+
+static void the_nearer_hides_the_further_in_any_order(void **state)
+{
+    ChiaroRandom random = chiaro_random_seed(11, 1);
+    for (int e = 0; e < EDGES; e++) {
+        const ChiaroCubeKernel *kernel = fitted(state, e);
+        double worst = 0;
+        for (int k = 0; k < 200; k++) {
+            Vec3 d = random_direction(&random);
+            ChiaroCubeDisc wall = a_disc(d, 60, 20, 1, 0), ball = a_disc(d, 15, 2, 0, 1);
+            ChiaroCubeTexel texels[2][CHIARO_CUBE_MAX_TEXELS];
+            double sum[2][4], far_alone = (double)wall.solid_angle, near_alone = (double)ball.solid_angle;
+            for (int order = 0; order < 2; order++) {
+                chiaro_cube_clear(kernel, texels[order]);
+                chiaro_cube_paint(kernel, texels[order], order ? &wall : &ball);
+                chiaro_cube_paint(kernel, texels[order], order ? &ball : &wall);
+                sum_colors(kernel, texels[order], sum[order]);
+            }
+            for (uint32_t t = 0; t < chiaro_cube_texel_count(kernel); t++) {
+                const ChiaroCubeTexel *a = &texels[0][t], *b = &texels[1][t];
+                assert_near("coverage", t, (double)a->coverage, (double)b->coverage, 1e-5);
+                assert_near("distance", t, (double)a->distance, (double)b->distance, 1e-3);
+                assert_near("red", t, (double)a->radiance[0], (double)b->radiance[0], 1e-5);
+            }
+            /* The ball is all there; the wall lacks what is behind it. */
+            assert_near("ball", k, sum[0][1], near_alone, 0.02 * near_alone);
+            worst = fmax(worst, fabs(sum[0][0] - (far_alone - near_alone)) / far_alone);
+        }
+        printf("%u: a wall behind a ball to %.3f of the wall\n", edges[e], worst);
+        assert_below("wall", edges[e], worst, 0.03);
+        /* Hidden altogether. */
+        ChiaroCubeTexel texels[CHIARO_CUBE_MAX_TEXELS];
+        double sum[4];
+        for (int order = 0; order < 2; order++) {
+            Vec3 d = vec3(0.3f, 0.5f, -0.2f);
+            ChiaroCubeDisc near_one = a_disc(d, 80, 1, 0, 1), far_one = a_disc(d, 5, 50, 1000, 0);
+            chiaro_cube_clear(kernel, texels);
+            chiaro_cube_paint(kernel, texels, order ? &near_one : &far_one);
+            chiaro_cube_paint(kernel, texels, order ? &far_one : &near_one);
+            sum_colors(kernel, texels, sum);
+            assert_below("hidden", order, sum[0], 1e-3 * 1000 * (double)far_one.solid_angle);
+        }
+    }
+}
+
+/* A sphere of small discs about the cube: what the nodes of a wall are. Side by side they close the view, no more. */
+static void parts_of_a_surface_add_up(void **state)
+{
+    for (int e = 0; e < EDGES; e++) {
+        const ChiaroCubeKernel *kernel = fitted(state, e);
+        for (int count = 300; count <= 30000; count *= 10) {
+            ChiaroCubeTexel texels[CHIARO_CUBE_MAX_TEXELS];
+            ChiaroRandom random = chiaro_random_seed(12, 1);
+            double sum[4], hidden = 0;
+            chiaro_cube_clear(kernel, texels);
+            for (int k = 0; k < count; k++) {
+                float y = 1 - 2 * ((float)k + 0.5f) / (float)count, r = sqrtf(1 - y * y), phi = 2.3999632f * (float)k;
+                ChiaroCubeDisc disc = a_disc(vec3(r * cosf(phi), y, r * sinf(phi)), 0, 10, 1, 1);
+                disc.solid_angle = 4 * CHIARO_PI / (float)count;
+                disc.distance += 0.2f * chiaro_random_float(&random);
+                disc.depth = 1;
+                chiaro_cube_paint(kernel, texels, &disc);
+            }
+            sum_colors(kernel, texels, sum);
+            /* A light behind it does not come through. */
+            ChiaroCubeDisc behind = a_disc(vec3(0, 1, 0), 45, 30, 0, 0);
+            behind.radiance[2] = 1;
+            chiaro_cube_paint(kernel, texels, &behind);
+            double all[4];
+            sum_colors(kernel, texels, all);
+            hidden = all[2] / (double)behind.solid_angle;
+            printf("%u: %d discs close %.4f of the sphere; %.4f comes through\n", edges[e], count, sum[3] / (4 * pi), hidden);
+            assert_near("closed", count, sum[3] / (4 * pi), 1, 0.03);
+            assert_near("light", count, sum[0] / (4 * pi), 1, 0.03);
+            assert_below("through", count, hidden, 0.05);
+        }
+    }
+}
+
+/* A black sphere takes from a uniform sky what its form factor says. */
+static void things_hide_the_sky(void **state)
+{
+    ChiaroRandom random = chiaro_random_seed(13, 1);
+    for (int e = 0; e < EDGES; e++) {
+        const ChiaroCubeKernel *kernel = fitted(state, e);
+        float sky[MAX_FLOATS], cube[MAX_FLOATS];
+        double worst = 0;
+        for (uint32_t k = 0; k < 4 * chiaro_cube_texel_count(kernel); k++)
+            sky[k] = 1;
+        for (int k = 0; k < 300; k++) {
+            Vec3 d = random_direction(&random);
+            ChiaroCubeDisc disc = a_disc(d, 40, 1, 0, 0);
+            ChiaroCubeTexel texels[CHIARO_CUBE_MAX_TEXELS];
+            float direction[3], value[4];
+            chiaro_cube_clear(kernel, texels);
+            chiaro_cube_paint(kernel, texels, &disc);
+            chiaro_cube_resolve(kernel, texels, sky, cube);
+            chiaro_cube_smooth(kernel, cube, cube);
+            Vec3 normal = random_direction(&random);
+            vec3_store(direction, normal);
+            chiaro_cube_look_up(kernel, cube, direction, value);
+            double hidden = sphere_irradiance(40 * pi / 180, acos(fmax(-1, fmin(1, (double)vec3_dot(normal, d)))));
+            worst = fmax(worst, fabs((double)value[0] - (1 - hidden)));
+            assert_near("openness", k, (double)(value[0] + value[3]), 1, 1e-5);
+        }
+        printf("%u: sky behind a sphere of 40 degrees to %.3f\n", edges[e], worst);
+        assert_below("sky", edges[e], worst, 0.04);
+    }
+}
+
+static void the_solid_angle_of_spheres(void **state)
+{
+    (void)state;
+    assert_near("half", 0, (double)chiaro_cube_sphere_angle(1, 2), 2 * pi * (1 - sqrt(0.75)), 1e-6);
+    assert_near("far", 0, (double)chiaro_cube_sphere_angle(1, 1e4f), pi * 1e-8, 1e-14);
+    assert_near("contact", 0, (double)chiaro_cube_sphere_angle(1, 1), 2 * pi, 1e-6);
+    assert_near("inside", 0, (double)chiaro_cube_sphere_angle(1, 0), 2 * pi, 1e-6);
+    assert_true(chiaro_cube_sphere_angle(0, 1) == 0 && chiaro_cube_sphere_angle(NAN, 1) == 0);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Encodings
+ */
+
+static void encodings_keep_what_they_promise(void **state)
+{
+    (void)state;
+    ChiaroRandom random = chiaro_random_seed(14, 1);
+    static const float scales[] = {1e-6f, 0.01f, 1, 300};
+    for (size_t s = 0; s < sizeof scales / sizeof *scales; s++) {
+        float cube[MAX_FLOATS], back[MAX_FLOATS], scale;
+        uint32_t data[2 * CHIARO_CUBE_MAX_TEXELS];
+        double worst[3] = {0};
+        random_cube(&random, CHIARO_CUBE_MAX_TEXELS, cube);
+        for (uint32_t k = 0; k < MAX_FLOATS; k++)
+            cube[k] *= k % 4 == 3 ? 1 : scales[s] * cube[k];
+        for (int f = 0; f < 3; f++) {
+            assert_int_equal(chiaro_cube_encode((ChiaroCubeFormat)f, cube, CHIARO_CUBE_MAX_TEXELS, data, &scale), CHIARO_OK);
+            assert_int_equal(chiaro_cube_decode((ChiaroCubeFormat)f, data, CHIARO_CUBE_MAX_TEXELS, scale, back), CHIARO_OK);
+            for (uint32_t t = 0; t < CHIARO_CUBE_MAX_TEXELS; t++) {
+                const float *a = cube + 4 * t, *b = back + 4 * t;
+                double brightest = (double)fmaxf(a[0], fmaxf(a[1], a[2]));
+                for (uint32_t c = 0; c < 3; c++) {
+                    double x = (double)a[c], error = fabs((double)b[c] - x);
+                    /* Half a step: of the scale; of 11 bits, or of the subnormal step; of 9 bits of the brightest colour. */
+                    double step = f == CHIARO_CUBE_UNORM8 ? (double)scale / 510 * 1.00001
+                                  : f == CHIARO_CUBE_HALF ? fmax(x / 2048, 0x1p-25)
+                                                          : fmax(brightest / 510, 0x1p-25);
+                    assert_below("colour", x, error, step);
+                    worst[f] = fmax(worst[f], error / (double)scales[s]);
+                }
+                if (f == CHIARO_CUBE_SHARED_EXPONENT)
+                    assert_true(b[3] == 0);
+                else
+                    assert_near("coverage", t, (double)b[3], (double)a[3], 1.0 / 509);
+            }
+        }
+        printf("values up to %g: 8 bits to %.2g, half to %.2g, shared exponent to %.2g of it\n", (double)scales[s], worst[0],
+               worst[1], worst[2]);
+    }
+}
+
+static void every_code_reads_back_as_itself(void **state)
+{
+    (void)state;
+    float value[4], scale;
+    for (uint32_t half = 0; half < 0x7c00; half++) {
+        uint16_t in[4] = {(uint16_t)half, 0, 0x3c00, 0x7bff}, out[4];
+        chiaro_cube_decode(CHIARO_CUBE_HALF, in, 1, 1, value);
+        chiaro_cube_encode(CHIARO_CUBE_HALF, value, 1, out, &scale);
+        assert_memory_equal(in, out, sizeof in);
+        assert_true(value[2] == 1 && value[3] == 65504);
+    }
+    for (uint32_t exponent = 0; exponent < 32; exponent++) {
+        for (uint32_t m = 0; m < 512; m++) {
+            /* A brightest mantissa of 256 or more, so that no smaller exponent would do. */
+            uint32_t in = exponent << 27 | 300u << 18 | m << 9 | (511 - m), out;
+            chiaro_cube_decode(CHIARO_CUBE_SHARED_EXPONENT, &in, 1, 1, value);
+            assert_near("blue", in, (double)value[2], ldexp(300, (int)exponent - 24), 0);
+            chiaro_cube_encode(CHIARO_CUBE_SHARED_EXPONENT, value, 1, &out, &scale);
+            assert_int_equal(in, out);
+        }
+    }
+    for (uint32_t byte = 0; byte < 256; byte++) {
+        uint8_t in[4] = {(uint8_t)byte, 255, 0, (uint8_t)(255 - byte)}, out[4];
+        chiaro_cube_decode(CHIARO_CUBE_UNORM8, in, 1, 0.37f, value);
+        chiaro_cube_encode(CHIARO_CUBE_UNORM8, value, 1, out, &scale);
+        assert_memory_equal(in, out, sizeof in);
+        assert_near("scale", byte, (double)scale, 0.37, 1e-7);
+    }
+}
+
+static void encodings_swallow_anything(void **state)
+{
+    (void)state;
+    static const float odd[8] = {NAN, INFINITY, -INFINITY, -1, 3e38f, 1e-44f, 70000, -0.0f};
+    for (int f = 0; f < 3; f++) {
+        for (int k = 0; k < 8 * 8 * 8; k++) {
+            float in[4] = {odd[k % 8], odd[k / 8 % 8], odd[k / 64], odd[k % 7]}, back[4], scale;
+            uint32_t data[2];
+            assert_int_equal(chiaro_cube_encode((ChiaroCubeFormat)f, in, 1, data, &scale), CHIARO_OK);
+            chiaro_cube_decode((ChiaroCubeFormat)f, data, 1, scale, back);
+            assert_true(isfinite(scale));
+            for (int c = 0; c < 4; c++)
+                assert_true(isfinite(back[c]) && back[c] >= 0);
+        }
+    }
+    float black[4] = {0}, back[4] = {1, 1, 1, 1}, scale;
+    uint32_t data[2];
+    chiaro_cube_encode(CHIARO_CUBE_UNORM8, black, 1, data, &scale);
+    chiaro_cube_decode(CHIARO_CUBE_UNORM8, data, 1, scale, back);
+    assert_memory_equal(black, back, sizeof black);
+    assert_int_equal(chiaro_cube_format_size((ChiaroCubeFormat)3), 0);
+    assert_int_equal(chiaro_cube_encode((ChiaroCubeFormat)3, black, 1, data, &scale), CHIARO_ERROR_ARGUMENT);
+    assert_int_equal(chiaro_cube_decode((ChiaroCubeFormat)3, data, 1, 1, back), CHIARO_ERROR_ARGUMENT);
+}
+
+/* The store's own error hides behind that of the smoothing: design, +0.0002. */
+static void eight_bits_are_enough(void **state)
+{
+    TestSky sky = {"sun", vec3_normalize(vec3(1, 2, 3)), 0.9996, 5000};
+    for (int e = 0; e < EDGES; e++) {
+        const ChiaroCubeKernel *kernel = fitted(state, e);
+        uint32_t count = chiaro_cube_texel_count(kernel), data[2 * CHIARO_CUBE_MAX_TEXELS];
+        float cube[MAX_FLOATS], back[MAX_FLOATS], scale;
+        chiaro_cube_background(kernel, test_sky_radiance, &sky, 32, cube);
+        chiaro_cube_smooth(kernel, cube, cube);
+        for (int f = 0; f < 3; f++) {
+            double error = 0, sum = 0;
+            chiaro_cube_encode((ChiaroCubeFormat)f, cube, count, data, &scale);
+            chiaro_cube_decode((ChiaroCubeFormat)f, data, count, scale, back);
+            for (uint32_t k = 0; k < 4 * count; k++) {
+                if (k % 4 < 3)
+                    error += pow((double)cube[k] - (double)back[k], 2), sum += pow((double)cube[k], 2);
+            }
+            printf("%u: format %d is %.5f relRMSE away\n", edges[e], f, sqrt(error / sum));
+            assert_below("format", f, sqrt(error / sum), 0.003);
+        }
+    }
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Creation
+ */
+
+typedef struct Counter {
+    int live, calls, fail_at;
+} Counter;
+
+static void *counting_alloc(size_t size, void *user)
+{
+    Counter *counter = user;
+    if (++counter->calls == counter->fail_at)
+        return NULL;
+    counter->live++;
+    return malloc(size);
+}
+
+static void counting_free(void *memory, void *user)
+{
+    Counter *counter = user;
+    counter->live -= memory ? 1 : 0;
+    free(memory);
+}
+
+static void creation_refuses_and_cleans_up(void **state)
+{
+    (void)state;
+    ChiaroCubeKernel *kernel = NULL;
+    for (uint32_t edge = 0; edge < 20; edge++) {
+        if (edge != 4 && edge != 6 && edge != 8)
+            assert_int_equal(chiaro_cube_kernel_create(edge, CHIARO_CUBE_PLAIN, NULL, &kernel), CHIARO_ERROR_ARGUMENT);
+    }
+    assert_int_equal(chiaro_cube_kernel_create(4, (ChiaroCubeMethod)7, NULL, &kernel), CHIARO_ERROR_ARGUMENT);
+    assert_int_equal(chiaro_cube_kernel_create(4, CHIARO_CUBE_PLAIN, NULL, NULL), CHIARO_ERROR_ARGUMENT);
+    ChiaroAllocator lame = {counting_alloc, NULL, NULL};
+    assert_int_equal(chiaro_cube_kernel_create(4, CHIARO_CUBE_PLAIN, &lame, &kernel), CHIARO_ERROR_ARGUMENT);
+    chiaro_cube_kernel_destroy(NULL);
+    for (int fail = 1; fail <= 3; fail++) {
+        Counter counter = {0, 0, fail};
+        ChiaroAllocator allocator = {counting_alloc, counting_free, &counter};
+        ChiaroResult result = chiaro_cube_kernel_create(4, CHIARO_CUBE_FITTED, &allocator, &kernel);
+        assert_int_equal(result, fail <= 2 ? CHIARO_ERROR_MEMORY : CHIARO_OK);
+        assert_int_equal(counter.live, result == CHIARO_OK ? 1 : 0);
+        assert_true(result == CHIARO_OK || !kernel);
+        chiaro_cube_kernel_destroy(kernel);
+        assert_int_equal(counter.live, 0);
+    }
+}
+
+static void the_same_kernel_comes_out_every_time(void **state)
+{
+    ChiaroCubeKernel *again;
+    assert_int_equal(chiaro_cube_kernel_create(6, CHIARO_CUBE_FITTED, NULL, &again), CHIARO_OK);
+    const ChiaroCubeKernel *kernel = fitted(state, 1);
+    assert_memory_equal(again->even, kernel->even, sizeof kernel->even);
+    assert_memory_equal(again->odd_row, kernel->odd_row, sizeof kernel->odd_row);
+    assert_memory_equal(again->weight, kernel->weight, sizeof kernel->weight);
+    chiaro_cube_kernel_destroy(again);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_texel_has_its_octant_and_its_orbit),
+        cmocka_unit_test(a_texel_is_looked_up_at_its_centre_and_a_corner_is_the_mean_of_three),
+        cmocka_unit_test(look_up_has_no_seams),
+        cmocka_unit_test(strange_directions_do_no_harm),
+        cmocka_unit_test(parity_classes_smooth_as_the_dense_matrix_does),
+        cmocka_unit_test(uniform_stays_uniform),
+        cmocka_unit_test(smoothing_keeps_energy),
+        cmocka_unit_test(turning_the_surroundings_turns_the_light),
+        cmocka_unit_test(smoothing_is_cheap),
+        cmocka_unit_test(changes_can_be_added),
+        cmocka_unit_test(one_far_light_from_anywhere),
+        cmocka_unit_test(skies_light_as_they_should),
+        cmocka_unit_test(a_uniform_sky_is_uniform_and_no_sky_is_black),
+        cmocka_unit_test(a_painted_sphere_lights_as_it_should),
+        cmocka_unit_test(nothing_is_too_small_to_count),
+        cmocka_unit_test(the_nearer_hides_the_further_in_any_order),
+        cmocka_unit_test(parts_of_a_surface_add_up),
+        cmocka_unit_test(things_hide_the_sky),
+        cmocka_unit_test(the_solid_angle_of_spheres),
+        cmocka_unit_test(encodings_keep_what_they_promise),
+        cmocka_unit_test(every_code_reads_back_as_itself),
+        cmocka_unit_test(encodings_swallow_anything),
+        cmocka_unit_test(eight_bits_are_enough),
+        cmocka_unit_test(creation_refuses_and_cleans_up),
+        cmocka_unit_test(the_same_kernel_comes_out_every_time),
+    };
+    return cmocka_run_group_tests(tests, make_kernels, free_kernels);
+}
