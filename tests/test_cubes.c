@@ -446,11 +446,15 @@ static void skies_light_as_they_should(void **state)
 {
     enum { ROWS = 512, COLUMNS = 1024, NORMALS = 100 };
     static const double limit[EDGES] = {0.032, 0.018, 0.010};
+    /* A small sun alone is the far light of above: its error, 0.0166 of the peak for 4, is 0.0166 * sqrt(6) of the root mean
+     * square of max(0, cos). The hard sun gives five times the light of its sky, the others as much as theirs. */
+    static const double hard_limit[EDGES] = {0.0166 * 2.45, 0.0087 * 2.45, 0.0055 * 2.45};
     TestSky skies[] = {
         {"gradient", {0, 1, 0}, 2, 0},
-        {"high sun", {0.36f, 0.8f, 0.48f}, 0.9996, 5000},
-        {"low sun", {-0.7f, 0.14f, -0.7f}, 0.9996, 3000},
+        {"high sun", {0.36f, 0.8f, 0.48f}, 0.9996, 1200},
+        {"low sun", {-0.7f, 0.14f, -0.7f}, 0.9996, 1200},
         {"window", {0.6f, 0.64f, -0.48f}, 0.94, 20},
+        {"hard sun", {0.5f, 0.6f, -0.5f}, 0.9996, 6000},
     };
     float *image = new_array(3 * (size_t)ROWS * COLUMNS, sizeof *image);
     for (size_t s = 0; s < sizeof skies / sizeof *skies; s++) {
@@ -494,8 +498,10 @@ static void skies_light_as_they_should(void **state)
             }
             printf("%u: sky \"%s\" relRMSE %.4f; as a function, %.4f from it\n", edges[e], skies[s].name,
                    sqrt(error / sum), sqrt(function / sum));
-            assert_below(skies[s].name, edges[e], sqrt(error / sum), limit[e]);
-            assert_below(skies[s].name, edges[e], sqrt(function / sum), 0.02);
+            assert_below(skies[s].name, edges[e], sqrt(error / sum), s == 4 ? hard_limit[e] : limit[e]);
+            /* Where no sun is smaller than the samples. */
+            if (s == 0 || s == 3)
+                assert_below(skies[s].name, edges[e], sqrt(function / sum), 0.002);
         }
         free(truth);
     }

@@ -99,6 +99,27 @@ static void make_orbits(ChiaroCubeKernel *kernel)
     }
 }
 
+/* A tent ends at the centres of the texels around it. */
+static void make_reach(ChiaroCubeKernel *kernel)
+{
+    uint32_t edge = kernel->edge, row = edge + 2;
+    for (uint32_t t = 0; t < kernel->texel_count; t++) {
+        float angle;
+        vec3_store(kernel->centre[t], chiaro_cube_texel_direction(t, edge, &angle));
+    }
+    for (uint32_t t = 0; t < kernel->texel_count; t++) {
+        uint32_t i = t % edge, j = t / edge % edge, face = t / (edge * edge);
+        Vec3 centre = vec3_load(kernel->centre[t]);
+        float cosine = 1;
+        for (uint32_t k = 0; k < 9; k++) {
+            uint32_t other = kernel->rim[((size_t)face * row + j + k / 3) * row + i + k % 3];
+            if (other != CUBE_NO_TEXEL)
+                cosine = fminf(cosine, vec3_dot(centre, vec3_load(kernel->centre[other])));
+        }
+        kernel->reach[t][0] = cosine, kernel->reach[t][1] = sqrtf(1 - cosine * cosine);
+    }
+}
+
 /* ------------------------------------------------------------------------------------------------------------------
  * Directions of one octant
  */
@@ -322,6 +343,7 @@ ChiaroResult chiaro_cube_kernel_create(uint32_t edge, ChiaroCubeMethod method, c
     made->method = method, made->allocator = memory;
     make_rim(made);
     make_orbits(made);
+    make_reach(made);
     make_points(made, work);
     make_weights(made, work);
     make_matrix(made, work);

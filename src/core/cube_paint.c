@@ -9,7 +9,7 @@
 #include <string.h>
 
 /* Distance of the samples that a disc is spread by, in texels, and the radius up to which one sample does. */
-#define SPACING 0.4f
+#define SPACING 0.3f
 #define ONE_SAMPLE 0.15f
 /* A ring starts this much of a turn after the last: the golden section, which never lines up. */
 #define GOLDEN_TURN 2.39996323f
@@ -93,6 +93,20 @@ static void cover_disc(const ChiaroCubeKernel *kernel, Vec3 d, float half, float
     }
 }
 
+/* Samples tell the share of a texel to a few parts in a hundred. Where the disc holds the whole tent it is 1, so that nothing
+ * bright behind a near thing shines through it. */
+static void fill_cover(const ChiaroCubeKernel *kernel, Vec3 d, float half, Cover *cover)
+{
+    float c = cosf(half), s = sinf(half);
+    for (uint32_t k = 0; k < cover->count; k++) {
+        uint32_t texel = cover->touched[k];
+        const float *reach = kernel->reach[texel];
+        /* Angle to the centre plus reach at most half: the cosine of (half - reach), where half is the larger. */
+        if (c < reach[0] && vec3_dot(d, vec3_load(kernel->centre[texel])) >= c * reach[0] + s * reach[1])
+            cover->share[texel] = 1;
+    }
+}
+
 /* A texel covered in part is covered further. */
 static void paint_texel(ChiaroCubeTexel *texel, const ChiaroCubeDisc *disc, float depth, float share)
 {
@@ -121,7 +135,9 @@ void chiaro_cube_paint(const ChiaroCubeKernel *kernel, ChiaroCubeTexel *texels, 
         return;
     float angle = fminf(disc->solid_angle, 2 * CHIARO_PI), half = 2 * asinf(sqrtf(angle / (4 * CHIARO_PI)));
     float depth = disc->depth > 0 ? disc->depth : disc->distance * sinf(half);
-    cover_disc(kernel, vec3_normalize(direction), half, angle, &cover);
+    direction = vec3_normalize(direction);
+    cover_disc(kernel, direction, half, angle, &cover);
+    fill_cover(kernel, direction, half, &cover);
     for (uint32_t k = 0; k < cover.count; k++)
         paint_texel(&texels[cover.touched[k]], disc, depth, fminf(1, cover.share[cover.touched[k]]));
 }

@@ -2,27 +2,40 @@
  *
  * A cube is split into its classes by additions (a Walsh-Hadamard step of 8 texels), each class is multiplied with its own
  * small block, and the way back is the same additions. For 8 x 8 x 6 texels that is a sixteenth of the dense matrix, and
- * nothing is lost. All loops run over four floats (red, green, blue, coverage) or the twelve of the three like classes,
- * side by side, which compilers turn into vectors.
+ * nothing is lost.
  */
 #include "cubes.h"
 
-/* Numbers of an orbit: the class even in all axes, then those even in one axis alone. */
-enum { CLASSES = 4, WIDTH = CLASSES * CUBE_LANES };
+#include <string.h>
+
+/* Red, green, blue and coverage side by side: a vector of the machine, by an extension that GCC and Clang share. Left to
+ * themselves they do not find it in loops this short. */
+typedef float Lanes __attribute__((vector_size(sizeof(float) * CUBE_LANES)));
+
+/* Of an orbit: the class even in all axes, then those even in one axis alone. */
+enum { CLASSES = 4, ROWS = 3 };
+
+static inline Lanes load(const float *from)
+{
+    Lanes lanes;
+    memcpy(&lanes, from, sizeof lanes);
+    return lanes;
+}
+
+static inline void store(float *to, Lanes lanes) { memcpy(to, &lanes, sizeof lanes); }
+
+static inline void butterfly(Lanes *a, Lanes *b)
+{
+    Lanes difference = *a - *b;
+    *a += *b, *b = difference;
+}
 
 /* Sums of 8 values with the signs of every class; entry k belongs to the class that is odd in the axes of k's bits. */
-static inline void walsh(float value[8][CUBE_LANES])
+static inline void walsh(Lanes v[8])
 {
-    for (uint32_t bit = 1; bit < 8; bit *= 2) {
-        for (uint32_t k = 0; k < 8; k++) {
-            if (k & bit)
-                continue;
-            for (uint32_t c = 0; c < CUBE_LANES; c++) {
-                float a = value[k][c], b = value[k | bit][c];
-                value[k][c] = a + b, value[k | bit][c] = a - b;
-            }
-        }
-    }
+    butterfly(&v[0], &v[1]), butterfly(&v[2], &v[3]), butterfly(&v[4], &v[5]), butterfly(&v[6], &v[7]);
+    butterfly(&v[0], &v[2]), butterfly(&v[1], &v[3]), butterfly(&v[4], &v[6]), butterfly(&v[5], &v[7]);
+    butterfly(&v[0], &v[4]), butterfly(&v[1], &v[5]), butterfly(&v[2], &v[6]), butterfly(&v[3], &v[7]);
 }
 
 /* Where the orbit lies once `axis` has been turned into x; `block` orbits belong to a face. */
@@ -31,96 +44,64 @@ static inline uint32_t turned(uint32_t orbit, uint32_t axis, uint32_t block)
     return orbit >= axis * block ? orbit - axis * block : orbit + (3 - axis) * block;
 }
 
-static inline void copy_lanes(float *to, const float *from)
+static void split(const ChiaroCubeKernel *kernel, const float *radiance, Lanes even[][CLASSES], Lanes odd[3])
 {
-    for (uint32_t c = 0; c < CUBE_LANES; c++)
-        to[c] = from[c];
-}
-
-static inline void split(const ChiaroCubeKernel *kernel, uint32_t orbits, const float *radiance,
-                         float even[][WIDTH], float odd[3][CUBE_LANES])
-{
-    uint32_t block = orbits / 3;
+    uint32_t orbits = kernel->orbit_count, block = orbits / 3;
     for (uint32_t o = 0; o < orbits; o++) {
-        float value[8][CUBE_LANES];
+        uint32_t x = o, y = turned(o, 1, block), z = turned(o, 2, block);
+        Lanes v[8];
         for (uint32_t s = 0; s < 8; s++)
-            copy_lanes(value[s], radiance + CUBE_LANES * (size_t)kernel->orbit[o][s]);
-        walsh(value);
-        copy_lanes(even[o], value[0]);
-        for (uint32_t axis = 0; axis < 3; axis++) {
-            uint32_t t = turned(o, axis, block);
-            copy_lanes(even[t] + (1 + axis) * CUBE_LANES, value[7u ^ 1u << axis]);
-            for (uint32_t c = 0; c < CUBE_LANES; c++)
-                odd[axis][c] += kernel->odd_column[t] * value[1u << axis][c];
-        }
+            v[s] = load(radiance + CUBE_LANES * (size_t)kernel->orbit[o][s]);
+        walsh(v);
+        even[o][0] = v[0], even[x][1] = v[6], even[y][2] = v[5], even[z][3] = v[3];
+        odd[0] += kernel->odd_column[x] * v[1];
+        odd[1] += kernel->odd_column[y] * v[2];
+        odd[2] += kernel->odd_column[z] * v[4];
     }
 }
 
-/* Two rows at a time, so that sums do not wait for each other. */
-static inline void multiply(const ChiaroCubeKernel *kernel, uint32_t orbits, const float in[][WIDTH],
-                            float out[][WIDTH])
+/* Three rows at a time (every cube's orbits are a multiple of three), so that sums do not wait for each other. */
+static void multiply(const ChiaroCubeKernel *kernel, const Lanes in[][CLASSES], Lanes out[][CLASSES])
 {
-    uint32_t i = 0;
-    for (; i + 2 <= orbits; i += 2) {
-        const float(*upper)[2] = kernel->even + i * orbits, (*lower)[2] = upper + orbits;
-        float a[WIDTH] = {0}, b[WIDTH] = {0};
+    uint32_t orbits = kernel->orbit_count;
+    for (uint32_t i = 0; i < orbits; i += ROWS) {
+        const float(*a)[2] = kernel->even + i * orbits, (*b)[2] = a + orbits, (*c)[2] = b + orbits;
+        Lanes a0 = {0}, a1 = {0}, a2 = {0}, a3 = {0}, b0 = {0}, b1 = {0}, b2 = {0}, b3 = {0}, c0 = {0}, c1 = {0},
+              c2 = {0}, c3 = {0};
         for (uint32_t j = 0; j < orbits; j++) {
-            float a0 = upper[j][0], a1 = upper[j][1], b0 = lower[j][0], b1 = lower[j][1];
-            for (uint32_t k = 0; k < CUBE_LANES; k++)
-                a[k] += a0 * in[j][k];
-            for (uint32_t k = CUBE_LANES; k < WIDTH; k++)
-                a[k] += a1 * in[j][k];
-            for (uint32_t k = 0; k < CUBE_LANES; k++)
-                b[k] += b0 * in[j][k];
-            for (uint32_t k = CUBE_LANES; k < WIDTH; k++)
-                b[k] += b1 * in[j][k];
+            a0 += a[j][0] * in[j][0], b0 += b[j][0] * in[j][0], c0 += c[j][0] * in[j][0];
+            a1 += a[j][1] * in[j][1], a2 += a[j][1] * in[j][2], a3 += a[j][1] * in[j][3];
+            b1 += b[j][1] * in[j][1], b2 += b[j][1] * in[j][2], b3 += b[j][1] * in[j][3];
+            c1 += c[j][1] * in[j][1], c2 += c[j][1] * in[j][2], c3 += c[j][1] * in[j][3];
         }
-        for (uint32_t k = 0; k < WIDTH; k++)
-            out[i][k] = a[k], out[i + 1][k] = b[k];
-    }
-    for (; i < orbits; i++) {
-        const float(*row)[2] = kernel->even + i * orbits;
-        float a[WIDTH] = {0};
-        for (uint32_t j = 0; j < orbits; j++) {
-            float a0 = row[j][0], a1 = row[j][1];
-            for (uint32_t k = 0; k < CUBE_LANES; k++)
-                a[k] += a0 * in[j][k];
-            for (uint32_t k = CUBE_LANES; k < WIDTH; k++)
-                a[k] += a1 * in[j][k];
-        }
-        for (uint32_t k = 0; k < WIDTH; k++)
-            out[i][k] = a[k];
+        out[i][0] = a0, out[i][1] = a1, out[i][2] = a2, out[i][3] = a3;
+        out[i + 1][0] = b0, out[i + 1][1] = b1, out[i + 1][2] = b2, out[i + 1][3] = b3;
+        out[i + 2][0] = c0, out[i + 2][1] = c1, out[i + 2][2] = c2, out[i + 2][3] = c3;
     }
 }
 
-static inline void join(const ChiaroCubeKernel *kernel, uint32_t orbits, const float even[][WIDTH],
-                        const float odd[3][CUBE_LANES], bool add, float *irradiance)
+static void join(const ChiaroCubeKernel *kernel, const Lanes even[][CLASSES], const Lanes odd[3], bool add,
+                 float *irradiance)
 {
-    uint32_t block = orbits / 3;
+    uint32_t orbits = kernel->orbit_count, block = orbits / 3;
     for (uint32_t o = 0; o < orbits; o++) {
-        float value[8][CUBE_LANES] = {{0}};
-        copy_lanes(value[0], even[o]);
-        for (uint32_t axis = 0; axis < 3; axis++) {
-            uint32_t t = turned(o, axis, block);
-            copy_lanes(value[7u ^ 1u << axis], even[t] + (1 + axis) * CUBE_LANES);
-            for (uint32_t c = 0; c < CUBE_LANES; c++)
-                value[1u << axis][c] = kernel->odd_row[t] * odd[axis][c];
-        }
-        walsh(value);
+        uint32_t x = o, y = turned(o, 1, block), z = turned(o, 2, block);
+        Lanes v[8] = {even[o][0], kernel->odd_row[x] * odd[0], kernel->odd_row[y] * odd[1], even[z][3],
+                      kernel->odd_row[z] * odd[2], even[y][2], even[x][1], {0}};
+        walsh(v);
         for (uint32_t s = 0; s < 8; s++) {
             float *texel = irradiance + CUBE_LANES * (size_t)kernel->orbit[o][s];
-            for (uint32_t c = 0; c < CUBE_LANES; c++)
-                texel[c] = add ? texel[c] + value[s][c] : value[s][c];
+            store(texel, add ? load(texel) + v[s] : v[s]);
         }
     }
 }
 
 static void smooth(const ChiaroCubeKernel *kernel, const float *radiance, bool add, float *irradiance)
 {
-    float in[CUBE_ORBITS][WIDTH], out[CUBE_ORBITS][WIDTH], odd[3][CUBE_LANES] = {{0}};
-    split(kernel, kernel->orbit_count, radiance, in, odd);
-    multiply(kernel, kernel->orbit_count, (const float(*)[WIDTH])in, out);
-    join(kernel, kernel->orbit_count, (const float(*)[WIDTH])out, (const float(*)[CUBE_LANES])odd, add, irradiance);
+    Lanes in[CUBE_ORBITS][CLASSES], out[CUBE_ORBITS][CLASSES], odd[3] = {{0}, {0}, {0}};
+    split(kernel, radiance, in, odd);
+    multiply(kernel, (const Lanes(*)[CLASSES])in, out);
+    join(kernel, (const Lanes(*)[CLASSES])out, odd, add, irradiance);
 }
 
 void chiaro_cube_smooth(const ChiaroCubeKernel *kernel, const float *radiance, float *irradiance)

@@ -31,6 +31,8 @@ struct ChiaroCubeKernel {
     uint16_t orbit[CUBE_ORBITS][8];              /* texels; bit a of the second index: negative along axis a */
     uint16_t place[CHIARO_CUBE_MAX_TEXELS];      /* 8 * orbit + octant of a texel */
     float weight[CHIARO_CUBE_MAX_TEXELS];        /* solid angle of a texel's tent */
+    float centre[CHIARO_CUBE_MAX_TEXELS][3];     /* unit */
+    float reach[CHIARO_CUBE_MAX_TEXELS][2];      /* cosine and sine of the angle from the centre to the tent's furthest point */
     float even[CUBE_ORBITS * CUBE_ORBITS][2];    /* row by row: class even in all axes, class even in x alone */
     float odd_row[CUBE_ORBITS], odd_column[CUBE_ORBITS]; /* class odd in x alone: row times column */
 };
