@@ -14,18 +14,18 @@ enum { SHARED_BITS = 9, SHARED_BIAS = 15, SHARED_ALL = (1 << SHARED_BITS) - 1 };
 static float clamp(float value, float low, float high) { return value > low ? (value < high ? value : high) : low; }
 
 /* ------------------------------------------------------------------------------------------------------------------
- * Half floats; no sign: what is encoded here is never negative
+ * Half floats
  */
 
 static uint16_t half_encode(float value)
 {
-    uint32_t bits;
-    value = clamp(value, 0, HALF_MAX);
+    uint32_t bits, sign = value < 0 ? 0x8000 : 0;
+    value = clamp(fabsf(value), 0, HALF_MAX);
     if (value < 0x1p-14f) /* subnormal: steps of 2^-24; a number that rounds up to 2^-14 comes out right as well */
-        return (uint16_t)nearbyintf(value * 0x1p24f);
+        return (uint16_t)(sign | (uint32_t)nearbyintf(value * 0x1p24f));
     memcpy(&bits, &value, sizeof bits);
-    uint32_t odd = bits >> 13 & 1;
-    return (uint16_t)((bits - (112u << 23) + 0xfff + odd) >> 13);
+    uint32_t odd = bits >> 13 & 1; /* a tie goes to the even one */
+    return (uint16_t)(sign | (bits - (112u << 23) + 0xfff + odd) >> 13);
 }
 
 static float half_decode(uint16_t half)

@@ -2,17 +2,18 @@
  *
  * Plain: K[i][j] = max(0, d_i . d_j) * solid angle of j, rows normalised.
  *
- * Fitted: let b(d) be the bilinear weights of the texels in direction d. A light of flux F from d is painted as F b(d); a
- * normal n looks up b(n) . x. The best matrix M makes b(n) M b(d) = max(0, n . d) / pi for all n and d in the sense of least
- * squares: M = G^-1 C G^-1 with G the integral of b b' and C that of b(n) max(0, n . d) / pi b'(d). The integrals run over
- * Gauss points in every quarter of a texel, where b is smooth, and these points have the symmetry of the grid: so has M.
+ * Fitted: let b(d) be the bilinear weights of the texels in direction d. A light of flux F from d is painted as F b(d);
+ * a normal n looks up b(n) . x. The best matrix M makes b(n) M b(d) = max(0, n . d) / pi for all n and d in the sense
+ * of least squares: M = G^-1 C G^-1 with G the integral of b b' and C that of b(n) max(0, n . d) / pi b'(d). The
+ * integrals run over Gauss points in every quarter of a texel, where b is smooth, and these points have the symmetry of
+ * the grid: so has M.
  *
- * Both are made class by class. In the class of sign pattern sigma a function is known by its values in one octant, where
+ * Both are made class by class. In the class of sign pattern sigma a function is known by its values in one octant:
  *   b_sigma(d)[orbit] = sum over octants s of sigma(s) b(d)[texel of the orbit in s]
  *   k_sigma(n, d) = sum over octants s of sigma(s) max(0, n . s d) / pi,
- * and the equations above hold with these in place of b and k. Since max(0, x) = |x| / 2 + x / 2, the classes that are odd
- * in one axis see n_x d_x alone, which is a product: rank 1. The class odd in all axes sees nothing. The even ones, "even
- * in all axes" and three that turning the axes makes the same, keep a full block each.
+ * and the equations above hold with these in place of b and k. Since max(0, x) = |x| / 2 + x / 2, the classes that are
+ * odd in one axis see n_x d_x alone, which is a product: rank 1. The class odd in all axes sees nothing. The even ones,
+ * "even in all axes" and three that turning the axes makes the same, keep a full block each.
  */
 #include "cubes.h"
 
@@ -21,7 +22,7 @@
 
 enum { GAUSS = 3, MAX_POINTS = 3 * CHIARO_CUBE_MAX_EDGE * CHIARO_CUBE_MAX_EDGE * GAUSS * GAUSS };
 
-/* The classes that are worked out: even in all axes, even in x alone, odd in x alone. By the axes in which they are odd. */
+/* The classes that are worked out: even in all axes, even in x alone, odd in x alone. Bits: the axes that are odd. */
 enum { CLASS_EVEN = 0, CLASS_EVEN_X = 6, CLASS_ODD_X = 1 };
 
 /* A direction of the octant of positive x, y, z, its solid angle and the bilinear weights of orbits. */

@@ -1,15 +1,15 @@
 /* Smoothing by parity classes (article: "this final step is by far the slowest").
  *
- * A cube is split into its classes by additions (a Walsh-Hadamard step of 8 texels), each class is multiplied with its own
- * small block, and the way back is the same additions. For 8 x 8 x 6 texels that is a sixteenth of the dense matrix, and
- * nothing is lost.
+ * A cube is split into its classes by additions (a Walsh-Hadamard step of 8 texels), each class is multiplied with its
+ * own small block, and the way back is the same additions. For 8 x 8 x 6 texels that is a sixteenth of the dense
+ * matrix, and nothing is lost.
  */
 #include "cubes.h"
 
 #include <string.h>
 
-/* Red, green, blue and coverage side by side: a vector of the machine, by an extension that GCC and Clang share. Left to
- * themselves they do not find it in loops this short. */
+/* Red, green, blue and coverage side by side: a vector of the machine, by an extension that GCC and Clang share. Left
+ * to themselves they do not find it in loops this short. */
 typedef float Lanes __attribute__((vector_size(sizeof(float) * CUBE_LANES)));
 
 /* Of an orbit: the class even in all axes, then those even in one axis alone. */

@@ -1,12 +1,12 @@
 /* Environment cubes: the tables of a kernel, and where a direction lies between texels.
  *
- * The grid of a cube is symmetric under reflection in x, y and z: its texels form orbits of 8, one texel in each octant, and
- * every array over texels is a sum of 8 parity classes, even or odd in each axis. Smoothing commutes with reflections, so
- * it never mixes classes: that is why it is cheap (cube_smooth.c).
+ * The grid of a cube is symmetric under reflection in x, y and z: its texels form orbits of 8, one texel in each
+ * octant, and every array over texels is a sum of 8 parity classes, even or odd in each axis. Smoothing commutes with
+ * reflections, so it never mixes classes: that is why it is cheap (cube_smooth.c).
  *
- * Orbits are numbered by their texel in the octant of positive x, y and z: (axis * half + u) * half + v, where `axis` is the
- * axis of the face, and u and v count texels along the next axis and the one after it. Turning x into y into z then only
- * changes `axis`.
+ * Orbits are numbered by their texel in the octant of positive x, y and z: (axis * half + u) * half + v, where `axis`
+ * is the axis of the face, and u and v count texels along the next axis and the one after it. Turning x into y into z
+ * then only changes `axis`.
  */
 #ifndef CHIARO_CUBES_H
 #define CHIARO_CUBES_H
@@ -32,7 +32,7 @@ struct ChiaroCubeKernel {
     uint16_t place[CHIARO_CUBE_MAX_TEXELS];      /* 8 * orbit + octant of a texel */
     float weight[CHIARO_CUBE_MAX_TEXELS];        /* solid angle of a texel's tent */
     float centre[CHIARO_CUBE_MAX_TEXELS][3];     /* unit */
-    float reach[CHIARO_CUBE_MAX_TEXELS][2];      /* cosine and sine of the angle from the centre to the tent's furthest point */
+    float reach[CHIARO_CUBE_MAX_TEXELS][2];      /* cosine and sine of the angle from centre to the tent's rim */
     float even[CUBE_ORBITS * CUBE_ORBITS][2];    /* row by row: class even in all axes, class even in x alone */
     float odd_row[CUBE_ORBITS], odd_column[CUBE_ORBITS]; /* class odd in x alone: row times column */
 };
