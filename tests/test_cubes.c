@@ -185,11 +185,14 @@ static void strange_directions_do_no_harm(void **state)
                 assert_true(taps.texel[t] < chiaro_cube_texel_count(kernel));
             chiaro_cube_look_up(kernel, cube, d, value);
             ChiaroCubeDisc disc = {{d[0], d[1], d[2]}, 0.1f, 1, 0, {1, 1, 1}};
+            ChiaroCubeDisc strange = {{1, 2, 3}, d[0], d[1], d[2], {1, 1, 1}};
             chiaro_cube_paint(kernel, texels, &disc);
+            chiaro_cube_paint(kernel, texels, &strange);
             chiaro_cube_splat(kernel, d, disc.radiance, cube);
         }
         for (uint32_t t = 0; t < chiaro_cube_texel_count(kernel); t++)
-            assert_true(isfinite(cube[4 * t]) && isfinite(texels[t].radiance[0]) && texels[t].coverage <= 1);
+            assert_true(isfinite(cube[4 * t]) && isfinite(texels[t].radiance[0]) && isfinite(texels[t].distance) &&
+                        texels[t].coverage <= 1);
     }
 }
 
@@ -680,6 +683,39 @@ static void the_nearer_hides_the_further_in_any_order(void **state)
     }
 }
 
+/* Two discs that each cover less than half of a texel: parts of one surface lie side by side; things far apart overlap
+ * as chance has it. */
+static void depth_tells_parts_from_strangers(void **state)
+{
+    for (int e = 0; e < EDGES; e++) {
+        const ChiaroCubeKernel *kernel = fitted(state, e);
+        float angle;
+        uint32_t texel = edges[e] * edges[e] / 2 + 1;
+        Vec3 d = chiaro_cube_texel_direction(texel, edges[e], &angle);
+        for (int k = 0; k < 4; k++) {
+            ChiaroCubeTexel texels[CHIARO_CUBE_MAX_TEXELS];
+            /* Alone, together; the further one is 5 % or tenfold away. */
+            ChiaroCubeDisc first = a_disc(d, 25.0 / edges[e], 3, 1, 0);
+            ChiaroCubeDisc second = a_disc(d, 25.0 / edges[e], k < 2 ? 3.15f : 30, 0, 1);
+            chiaro_cube_clear(kernel, texels);
+            chiaro_cube_paint(kernel, texels, &first);
+            double alone = (double)texels[texel].coverage;
+            assert_true(alone > 0.1 && alone < 0.5);
+            if (k & 1) {
+                chiaro_cube_clear(kernel, texels);
+                chiaro_cube_paint(kernel, texels, &second);
+                chiaro_cube_paint(kernel, texels, &first);
+            } else {
+                chiaro_cube_paint(kernel, texels, &second);
+            }
+            double both = k < 2 ? 2 * alone : alone + alone * (1 - alone);
+            assert_near("coverage", k, (double)texels[texel].coverage, both, 1e-5);
+            assert_near("near", k, (double)texels[texel].radiance[0], alone, 1e-5);
+            assert_near("far", k, (double)texels[texel].radiance[1], both - alone, 1e-5);
+        }
+    }
+}
+
 /* A sphere of small discs about the cube: what the nodes of a wall are. Side by side they close the view, no more. */
 static void parts_of_a_surface_add_up(void **state)
 {
@@ -811,6 +847,12 @@ static void every_code_reads_back_as_itself(void **state)
         assert_memory_equal(in, out, sizeof in);
         assert_true(value[2] == 1 && value[3] == 65504);
     }
+    /* Ties go to the even one, and the rest to the nearest. */
+    float ties[4] = {1 + 0x1p-11f, 1 + 3 * 0x1p-11f, 0x1p-25f, -3 * 0x1p-25f};
+    static const uint16_t rounded[4] = {0x3c00, 0x3c02, 0, 0x8002};
+    uint16_t halves[4];
+    chiaro_cube_encode(CHIARO_CUBE_HALF, ties, 1, halves, &scale);
+    assert_memory_equal(halves, rounded, sizeof halves);
     for (uint32_t exponent = 0; exponent < 32; exponent++) {
         for (uint32_t m = 0; m < 512; m++) {
             /* A brightest mantissa of 256 or more, so that no smaller exponent would do. */
@@ -958,6 +1000,7 @@ int main(void)
         cmocka_unit_test(a_painted_sphere_lights_as_it_should),
         cmocka_unit_test(nothing_is_too_small_to_count),
         cmocka_unit_test(the_nearer_hides_the_further_in_any_order),
+        cmocka_unit_test(depth_tells_parts_from_strangers),
         cmocka_unit_test(parts_of_a_surface_add_up),
         cmocka_unit_test(things_hide_the_sky),
         cmocka_unit_test(the_solid_angle_of_spheres),

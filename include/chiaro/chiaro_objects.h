@@ -90,7 +90,7 @@ CHIARO_API void chiaro_cube_clear(const ChiaroCubeKernel *kernel, ChiaroCubeTexe
 
 /** Paints a disc over every texel that it touches, each by the share of its solid angle. None is too small to count.
  * Painting from near to far is exact where things lie side by side; any other order is close to it.
- * A disc without direction, size or distance is left out.
+ * A disc without direction, size or finite distance is left out.
  * @thread_safety any thread, one at a time for the same texels. */
 CHIARO_API void chiaro_cube_paint(const ChiaroCubeKernel *kernel, ChiaroCubeTexel *texels, const ChiaroCubeDisc *disc);
 
@@ -125,8 +125,8 @@ CHIARO_API void chiaro_cube_background(const ChiaroCubeKernel *kernel, ChiaroRad
  */
 
 /** Each texel becomes the cosine-weighted mean of its hemisphere (article: "we need to smooth this environment map").
- * Behind the horizon of a lone light in the dark, the fitted kernel gives values a little below zero: at most 8 % of the
- * light's peak for edge 4, 5 % for 6, 4 % for 8. Clamp after the look-up; clamped texels add a tenth to the mean error.
+ * Behind the horizon of a lone light in the dark, the fitted kernel gives values a little below zero: at most 8 % of
+ * the light's peak for edge 4, 5 % for 6, 4 % for 8. Clamp after the look-up; clamped texels add a tenth to the error.
  * @param radiance 4 floats a texel, smoothed alike. @param irradiance receives 4 floats a texel: irradiance / pi, and
  * how much of what each normal sees is covered. May be `radiance` itself. @thread_safety any thread. */
 CHIARO_API void chiaro_cube_smooth(const ChiaroCubeKernel *kernel, const float *radiance, float *irradiance);

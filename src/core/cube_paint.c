@@ -8,8 +8,8 @@
 
 #include <string.h>
 
-/* In texels: distance of the samples that a disc is spread by, and the radii up to which one sample and one ring will do.
- * Half these change no error that the tests measure by more than a tenth. */
+/* In texels: distance of the samples that a disc is spread by, and the radii up to which one sample and one ring will
+ * do. Half these change no error that the tests measure by more than a tenth. */
 #define SPACING 0.4f
 #define ONE_SAMPLE 0.15f
 #define ONE_RING 0.5f
@@ -133,7 +133,7 @@ void chiaro_cube_paint(const ChiaroCubeKernel *kernel, ChiaroCubeTexel *texels, 
 {
     Cover cover;
     Vec3 direction = vec3_load(disc->direction);
-    if (!is_direction(direction) || !(disc->solid_angle > 0) || !(disc->distance > 0))
+    if (!is_direction(direction) || !(disc->solid_angle > 0) || !(disc->distance > 0) || isinf(disc->distance))
         return;
     float angle = fminf(disc->solid_angle, 2 * CHIARO_PI), half = 2 * asinf(sqrtf(angle / (4 * CHIARO_PI)));
     float depth = disc->depth > 0 ? disc->depth : disc->distance * sinf(half);
