@@ -1,4 +1,4 @@
-/* Cubes as bytes: how far a value may move, which codes read back as themselves, and what becomes of strange numbers. */
+/* Cubes as bytes: how far a value may move, which codes read back as themselves, what becomes of strange numbers. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

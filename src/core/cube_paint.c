@@ -9,7 +9,7 @@
 #include <string.h>
 
 /* In texels: distance of the samples that a disc is spread by, and the radii up to which one sample and one ring will
- * do. Half these change no error that the tests measure by more than a tenth. */
+ * do. Samples at 0.3 take twice the time and bring no sphere of the tests' nearer by more than a tenth of its error. */
 #define SPACING 0.4f
 #define ONE_SAMPLE 0.15f
 #define ONE_RING 0.5f
