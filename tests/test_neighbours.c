@@ -24,7 +24,7 @@ typedef struct World {
     ChiaroNeighbours *lists;
 } World;
 
-/* Radii of 0.25 .. 1 m, brightness of 0.1 .. 10, both even in the logarithm; each moves its own diameter in 30 ticks. */
+/* Radii of 0.25 .. 1 m, brightness of 0.1 .. 10, both even in the logarithm; each moves its diameter in 30 ticks. */
 static World world_begin(const ChiaroNeighboursDesc *desc, float side)
 {
     World world = {.count = desc->object_count, .side = side};

@@ -1,0 +1,944 @@
+/* Primitives and blockers against closed forms: spheres, plates and boxes as they look and shine, what opens when, and
+ * what stands in the way. Where there is no closed form, the truth is summed here, by brute force. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+
+#include <cmocka.h>
+#include <string.h>
+
+#include "../src/core/vec.h"
+#include "../src/offline/random.h"
+#include "chiaro/chiaro_primitives.h"
+#include "common/check.h"
+
+static const double pi = 3.14159265358979323846;
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Objects made of elements
+ */
+
+typedef struct Object {
+    ChiaroElement *elements;
+    uint32_t count;
+    void *memory;
+    ChiaroPrimitives tree;
+} Object;
+
+static Object object_begin(uint32_t capacity) { return (Object){.elements = new_array(capacity, sizeof(ChiaroElement))}; }
+
+static void object_add(Object *object, Vec3 position, Vec3 normal, float area, Vec3 albedo)
+{
+    ChiaroElement *e = &object->elements[object->count++];
+    vec3_store(e->position, position);
+    vec3_store(e->normal, normal);
+    vec3_store(e->albedo, albedo);
+    e->area = area;
+}
+
+static void object_build(Object *object)
+{
+    size_t size = chiaro_primitives_size(object->count);
+    object->memory = new_array(size, 1);
+    assert_int_equal(chiaro_primitives_build(object->elements, object->count, object->memory, size, &object->tree),
+                     CHIARO_OK);
+    assert_int_equal(object->tree.node_count, 2 * object->count - 1);
+}
+
+static void object_end(Object *object)
+{
+    free(object->memory);
+    free(object->elements);
+}
+
+static const Vec3 grey = {0.5f, 0.5f, 0.5f};
+
+/* Equal areas along a spiral of golden angle. */
+static Vec3 spiral(uint32_t i, uint32_t count)
+{
+    float y = 1 - (2 * (float)i + 1) / (float)count, r = sqrtf(1 - y * y), phi = 2.39996323f * (float)i;
+    return vec3(r * cosf(phi), y, r * sinf(phi));
+}
+
+static Object make_sphere(Vec3 center, float radius, uint32_t count)
+{
+    Object object = object_begin(count);
+    for (uint32_t i = 0; i < count; i++) {
+        Vec3 n = spiral(i, count);
+        object_add(&object, vec3_mad(center, n, radius), n, 4 * CHIARO_PI * radius * radius / (float)count, grey);
+    }
+    object_build(&object);
+    return object;
+}
+
+/* A rectangle from its middle and its two half edges. */
+static void add_rectangle(Object *object, Vec3 middle, Vec3 u, Vec3 v, uint32_t steps, Vec3 albedo)
+{
+    Vec3 normal = vec3_cross(u, v);
+    float area = 4 * vec3_length(normal) / (float)(steps * steps);
+    for (uint32_t i = 0; i < steps * steps; i++) {
+        float x = (2 * (float)(i % steps) + 1) / (float)steps - 1, y = (2 * (float)(i / steps) + 1) / (float)steps - 1;
+        object_add(object, vec3_mad(vec3_mad(middle, u, x), v, y), vec3_normalize(normal), area, albedo);
+    }
+}
+
+static Object make_box(Vec3 x, Vec3 y, Vec3 z, uint32_t steps)
+{
+    Object object = object_begin(6 * steps * steps);
+    add_rectangle(&object, x, y, z, steps, grey);
+    add_rectangle(&object, vec3_scale(x, -1), z, y, steps, grey);
+    add_rectangle(&object, y, z, x, steps, grey);
+    add_rectangle(&object, vec3_scale(y, -1), x, z, steps, grey);
+    add_rectangle(&object, z, x, y, steps, grey);
+    add_rectangle(&object, vec3_scale(z, -1), y, x, steps, grey);
+    object_build(&object);
+    return object;
+}
+
+static Vec3 random_direction(ChiaroRandom *random)
+{
+    float y = 2 * chiaro_random_float(random) - 1, r = sqrtf(1 - y * y);
+    float phi = 2 * CHIARO_PI * chiaro_random_float(random);
+    return vec3(r * cosf(phi), y, r * sinf(phi));
+}
+
+static double projected_area(const ChiaroPrimitive *node, Vec3 d)
+{
+    float direction[3];
+    vec3_store(direction, d);
+    return (double)chiaro_primitive_projected_area(node, direction);
+}
+
+/* The green channel, for irradiance 1. */
+static double reflected(const ChiaroPrimitive *node, Vec3 light, Vec3 viewer)
+{
+    const float one[3] = {1, 1, 1};
+    float toward_light[3], toward_viewer[3], intensity[3];
+    vec3_store(toward_light, light);
+    vec3_store(toward_viewer, viewer);
+    chiaro_primitive_reflect(node, toward_light, one, toward_viewer, intensity);
+    return (double)intensity[1];
+}
+
+/* What the elements of an object do: the truth for every node above them. */
+static double element_area(const Object *object, Vec3 d)
+{
+    double sum = 0;
+    for (uint32_t i = 0; i < object->count; i++) {
+        const ChiaroElement *e = &object->elements[i];
+        sum += (double)(e->area * fmaxf(0, vec3_dot(vec3_load(e->normal), d)));
+    }
+    return sum;
+}
+
+static double element_reflected(const Object *object, Vec3 light, Vec3 viewer)
+{
+    double sum = 0;
+    for (uint32_t i = 0; i < object->count; i++) {
+        const ChiaroElement *e = &object->elements[i];
+        Vec3 n = vec3_load(e->normal);
+        sum += (double)(e->area * e->albedo[1] * fmaxf(0, vec3_dot(n, light)) * fmaxf(0, vec3_dot(n, viewer))) / pi;
+    }
+    return sum;
+}
+
+/* What a Lambert sphere does, as a share of rho r^2 E: 2 / (3 pi) (sin a + (pi - a) cos a). */
+static double lambert_sphere(double angle) { return 2 / (3 * pi) * (sin(angle) + (pi - angle) * cos(angle)); }
+
+static double angle_between(Vec3 a, Vec3 b) { return acos(fmax(-1, fmin(1, (double)vec3_dot(a, b)))); }
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Sphere, plate, box
+ */
+
+static void a_sphere_looks_the_same_from_everywhere(void **state)
+{
+    (void)state;
+    Object sphere = make_sphere(vec3(3, -2, 5), 2, 600);
+    ChiaroRandom random = chiaro_random_seed(1, 1);
+    assert_int_equal(sphere.tree.nodes[0].form, CHIARO_PRIMITIVE_AXES);
+    for (int i = 0; i < 1000; i++)
+        assert_near("projected area", i, projected_area(&sphere.tree.nodes[0], random_direction(&random)), 4 * pi,
+                    0.005 * 4 * pi);
+    object_end(&sphere);
+}
+
+static void a_sphere_is_lit_as_a_lambert_sphere(void **state)
+{
+    (void)state;
+    Object sphere = make_sphere(vec3(0, 0, 0), 1, 600);
+    ChiaroRandom random = chiaro_random_seed(2, 1);
+    double worst = 0;
+    for (int i = 0; i < 2000; i++) {
+        Vec3 light = random_direction(&random), viewer = random_direction(&random);
+        double angle = angle_between(light, viewer), truth = 0.5 * lambert_sphere(angle);
+        double value = reflected(&sphere.tree.nodes[0], light, viewer);
+        worst = fmax(worst, fabs(value - truth));
+        assert_near("phase angle", angle, value, truth, 0.01 * 0.5 * 2 / 3);
+    }
+    print_message("sphere: at most %.2g of the full phase wrong\n", worst / (0.5 * 2 / 3));
+    object_end(&sphere);
+}
+
+static void a_plate_is_its_cosines(void **state)
+{
+    (void)state;
+    ChiaroRandom random = chiaro_random_seed(3, 1);
+    for (int k = 0; k < 20; k++) {
+        Vec3 n = random_direction(&random), u, v;
+        vec3_frame(n, &u, &v);
+        Object plate = object_begin(64);
+        add_rectangle(&plate, vec3(1, 2, 3), vec3_scale(u, 2), vec3_scale(v, 0.5f), 8, grey);
+        object_build(&plate);
+        const ChiaroPrimitive *root = &plate.tree.nodes[0];
+        assert_below("error", k, (double)root->error, 1e-4);
+        for (int i = 0; i < 200; i++) {
+            Vec3 light = random_direction(&random), viewer = random_direction(&random);
+            double a = fmax(0, (double)vec3_dot(n, light)), b = fmax(0, (double)vec3_dot(n, viewer));
+            assert_near("projected area", k, projected_area(root, viewer), 4 * b, 1e-5);
+            assert_near("reflected", k, reflected(root, light, viewer), 4 * 0.5 / pi * a * b, 1e-5);
+        }
+        object_end(&plate);
+    }
+}
+
+static void a_box_along_the_axes_is_its_faces(void **state)
+{
+    (void)state;
+    Object box = make_box(vec3(1, 0, 0), vec3(0, 0.3f, 0), vec3(0, 0, 2), 4);
+    const ChiaroPrimitive *root = &box.tree.nodes[0];
+    ChiaroRandom random = chiaro_random_seed(4, 1);
+    assert_int_equal(root->form, CHIARO_PRIMITIVE_AXES);
+    assert_below("error", 0, (double)root->error, 1e-4);
+    for (int i = 0; i < 1000; i++) {
+        Vec3 d = random_direction(&random), light = random_direction(&random);
+        double area = 4 * ((double)fabsf(d.x) * 0.6 + (double)fabsf(d.y) * 2 + (double)fabsf(d.z) * 0.3);
+        assert_near("projected area", i, projected_area(root, d), area, 1e-4);
+        assert_near("reflected", i, reflected(root, light, d), element_reflected(&box, light, d), 1e-4);
+    }
+    object_end(&box);
+}
+
+/* Turned, the root is wrong and says so; opened down to its faces it is exact again. */
+static void a_turned_box_opens_into_its_faces(void **state)
+{
+    (void)state;
+    ChiaroRandom random = chiaro_random_seed(5, 1);
+    double worst_root = 0;
+    for (int k = 0; k < 20; k++) {
+        Vec3 x = random_direction(&random), y, z;
+        vec3_frame(x, &y, &z);
+        Object box = make_box(x, vec3_scale(y, 0.5f), vec3_scale(z, 2), 4);
+        Vec3 d = random_direction(&random), light = random_direction(&random);
+        double area = 0, light_sum = 0;
+        uint32_t used = 0;
+        /* The largest nodes that say they are exact. */
+        for (uint32_t n = 0; n < box.tree.node_count;) {
+            const ChiaroPrimitive *node = &box.tree.nodes[n];
+            if (node->error < 1e-3f) {
+                area += projected_area(node, d), light_sum += reflected(node, light, d);
+                used++, n = node->next;
+            } else {
+                n++;
+            }
+        }
+        assert_int_equal(used, 6);
+        assert_near("projected area", k, area, element_area(&box, d), 1e-3);
+        assert_near("reflected", k, light_sum, element_reflected(&box, light, d), 1e-3);
+        worst_root = fmax(worst_root, (double)box.tree.nodes[0].error);
+        object_end(&box);
+    }
+    print_message("turned boxes: roots are up to %.3f wrong (rms), and say so\n", worst_root);
+    assert_true(worst_root > 0.02 && worst_root < 0.5);
+}
+
+/* A handful of random discs: no form fits. */
+static Object make_blob(uint32_t seed, uint32_t count)
+{
+    ChiaroRandom random = chiaro_random_seed(seed, 77);
+    Object blob = object_begin(count);
+    for (uint32_t i = 0; i < count; i++) {
+        Vec3 position = vec3_scale(random_direction(&random), 3), normal = random_direction(&random);
+        float area = 0.1f * chiaro_random_float(&random);
+        Vec3 albedo = {chiaro_random_float(&random), chiaro_random_float(&random), chiaro_random_float(&random)};
+        object_add(&blob, position, normal, area, albedo);
+    }
+    object_build(&blob);
+    return blob;
+}
+
+/* Cauchy: the mean projected area is a quarter of the surface. The mean of reflected light, over all directions of light
+ * and viewer, is a sixteenth of area * albedo / pi. The clamp at zero alone may add some. */
+static void no_form_makes_or_loses_light(void **state)
+{
+    (void)state;
+    ChiaroRandom random = chiaro_random_seed(6, 1);
+    for (uint32_t k = 0; k < 12; k++) {
+        Object blob = make_blob(k, 3 + 5 * k);
+        for (uint32_t n = 0; n < blob.tree.node_count; n++) {
+            ChiaroPrimitive node = blob.tree.nodes[n];
+            double area = 0, light = 0, given = 0;
+            for (uint32_t i = 0; i < node.count; i++) {
+                const ChiaroElement *e = &blob.elements[blob.tree.elements[node.first + i]];
+                given += (double)(e->area * e->albedo[1]) / pi;
+            }
+            node.form = CHIARO_PRIMITIVE_AXES;
+            const uint32_t steps = 4000;
+            for (uint32_t i = 0; i < steps; i++) {
+                Vec3 d = spiral(i, steps);
+                area += projected_area(&node, d) / steps;
+                light += reflected(&node, random_direction(&random), d) / steps;
+            }
+            assert_near("projected area", n, area, (double)node.area / 4, 0.01 * (double)node.area);
+            assert_near("reflected", n, light, given / 16, 0.05 * given / 16);
+        }
+        object_end(&blob);
+    }
+}
+
+static void the_error_that_a_node_states_is_what_it_has(void **state)
+{
+    (void)state;
+    ChiaroRandom random = chiaro_random_seed(7, 1);
+    for (uint32_t k = 0; k < 8; k++) {
+        Object blob = make_blob(100 + k, 4 + 6 * k);
+        double wrong[2] = {0, 0}, right[2] = {0, 0};
+        for (int i = 0; i < 4000; i++) {
+            Vec3 viewer = random_direction(&random), light = random_direction(&random);
+            double area = element_area(&blob, viewer), a = projected_area(&blob.tree.nodes[0], viewer) - area;
+            wrong[0] += a * a, right[0] += area * area;
+            double truth = element_reflected(&blob, light, viewer);
+            double b = reflected(&blob.tree.nodes[0], light, viewer) - truth;
+            wrong[1] += b * b, right[1] += truth * truth;
+        }
+        double error = sqrt(fmax(wrong[0] / right[0], wrong[1] / right[1]));
+        /* Luminance there, green here; 64 directions there. */
+        assert_near("stated error", k, (double)blob.tree.nodes[0].error, error, 0.25 * error);
+        object_end(&blob);
+    }
+}
+
+static void an_object_has_another_colour_from_another_side(void **state)
+{
+    (void)state;
+    const Vec3 red = {0.8f, 0, 0}, blue = {0, 0, 0.8f};
+    const float one[3] = {1, 1, 1}, right[3] = {1, 0, 0}, left[3] = {-1, 0, 0};
+    Object ball = object_begin(400);
+    for (uint32_t i = 0; i < 400; i++) {
+        Vec3 n = spiral(i, 400);
+        object_add(&ball, n, n, 4 * CHIARO_PI / 400, n.x > 0 ? red : blue);
+    }
+    object_build(&ball);
+    float intensity[3];
+    chiaro_primitive_reflect(&ball.tree.nodes[0], right, one, right, intensity);
+    assert_near("red", 0, (double)intensity[0], 0.8 * 2 / 3, 0.01);
+    assert_near("blue", 0, (double)intensity[2], 0, 0.01);
+    chiaro_primitive_reflect(&ball.tree.nodes[0], left, one, left, intensity);
+    assert_near("red", 1, (double)intensity[0], 0, 0.01);
+    assert_near("blue", 1, (double)intensity[2], 0.8 * 2 / 3, 0.01);
+    object_end(&ball);
+}
+
+static void a_thicket_looks_no_larger_than_its_sphere(void **state)
+{
+    (void)state;
+    Object thicket = object_begin(5000);
+    ChiaroRandom random = chiaro_random_seed(8, 1);
+    for (uint32_t i = 0; i < 5000; i++) {
+        Vec3 p = vec3_scale(random_direction(&random), cbrtf(chiaro_random_float(&random)));
+        object_add(&thicket, p, random_direction(&random), 0.01f, grey);
+    }
+    object_build(&thicket);
+    const ChiaroPrimitive *root = &thicket.tree.nodes[0];
+    for (int i = 0; i < 100; i++) {
+        Vec3 d = random_direction(&random);
+        double area = projected_area(root, d), most = pi * (double)(root->radius * root->radius);
+        assert_below("projected area", i, area, most * 1.0001);
+        assert_true(element_area(&thicket, d) > 2 * most);
+        /* As bright as its elements, not brighter. */
+        assert_below("radiance", i, reflected(root, d, d) / area, 0.5 / pi);
+    }
+    object_end(&thicket);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Light that elements give off
+ */
+
+static double radiated(const Object *object, const float *axes, uint32_t n, Vec3 d)
+{
+    float direction[3], intensity[3];
+    vec3_store(direction, d);
+    chiaro_primitive_radiate(&object->tree.nodes[n], axes + 18 * (size_t)n, direction, intensity);
+    return (double)intensity[1];
+}
+
+static void elements_that_glow_evenly_have_one_radiance(void **state)
+{
+    (void)state;
+    Object objects[2] = {make_sphere(vec3(0, 0, 0), 1, 500), make_box(vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1), 3)};
+    for (int k = 0; k < 2; k++) {
+        const Object *object = &objects[k];
+        float *radiosity = new_array(3 * object->count, sizeof(float));
+        float *axes = new_array(18 * object->tree.node_count, sizeof(float));
+        for (uint32_t i = 0; i < 3 * object->count; i++)
+            radiosity[i] = 2;
+        chiaro_primitives_sum(&object->tree, object->elements, radiosity, axes);
+        for (uint32_t i = 0; i < 300; i++) {
+            Vec3 d = spiral(i, 300);
+            for (uint32_t n = 0; n < object->tree.node_count; n += 1 + n / 4) {
+                double area = projected_area(&object->tree.nodes[n], d);
+                assert_near("intensity", n, radiated(object, axes, n, d), 2 / pi * area, 1e-4 + 1e-4 * area);
+            }
+        }
+        free(radiosity);
+        free(axes);
+        object_end(&objects[k]);
+    }
+}
+
+/* The tree's sums of a half-lit sphere: opened further, closer to the phase function. */
+static void lit_elements_shine_as_the_sphere_does(void **state)
+{
+    (void)state;
+    Object sphere = make_sphere(vec3(0, 0, 0), 1, 2000);
+    float *radiosity = new_array(3 * sphere.count, sizeof(float));
+    float *axes = new_array(18 * sphere.tree.node_count, sizeof(float));
+    ChiaroRandom random = chiaro_random_seed(9, 1);
+    static const double allowed[] = {0.2, 0.035, 0.012};
+    static const float spans[] = {3.2f, 0.5f, 0.1f};
+    for (int s = 0; s < 3; s++) {
+        double wrong = 0, right = 0;
+        for (int k = 0; k < 40; k++) {
+            Vec3 light = random_direction(&random);
+            for (uint32_t i = 0; i < sphere.count; i++)
+                radiosity[3 * i + 1] = 0.5f * fmaxf(0, vec3_dot(vec3_load(sphere.elements[i].normal), light));
+            chiaro_primitives_sum(&sphere.tree, sphere.elements, radiosity, axes);
+            for (int i = 0; i < 20; i++) {
+                Vec3 d = random_direction(&random);
+                float viewer[3];
+                vec3_store(viewer, vec3_scale(d, 3));
+                ChiaroPrimitiveWalk walk = chiaro_primitive_walk_begin(&sphere.tree, viewer, spans[s]);
+                double value = 0, truth = 0.5 * lambert_sphere(angle_between(light, d));
+                for (uint32_t n; (n = chiaro_primitive_walk_next(&walk)) != CHIARO_NONE;)
+                    value += radiated(&sphere, axes, n, d);
+                wrong += (value - truth) * (value - truth), right += truth * truth;
+            }
+        }
+        double error = sqrt(wrong / right);
+        print_message("half-lit sphere, nodes up to %.1f rad: %.4f wrong (rms)\n", (double)spans[s], error);
+        assert_below("relative rms", (double)spans[s], error, allowed[s]);
+    }
+    free(radiosity);
+    free(axes);
+    object_end(&sphere);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Opening
+ */
+
+static void a_walk_covers_the_object_once_with_small_nodes(void **state)
+{
+    (void)state;
+    Object sphere = make_sphere(vec3(0, 0, 0), 1, 1000);
+    uint32_t *seen = new_array(sphere.count, sizeof *seen);
+    static const float spans[] = {0, 0.05f, 0.2f, 0.39f, 1, 3.14159f};
+    uint32_t before = UINT32_MAX;
+    for (int s = 0; s < 6; s++) {
+        for (float distance = 0; distance < 200; distance = 2 * distance + 0.7f) {
+            float point[3] = {0.3f * distance, 0.9f * distance, -0.3f * distance};
+            uint32_t count = 0;
+            memset(seen, 0, sphere.count * sizeof *seen);
+            ChiaroPrimitiveWalk walk = chiaro_primitive_walk_begin(&sphere.tree, point, spans[s]);
+            for (uint32_t n; (n = chiaro_primitive_walk_next(&walk)) != CHIARO_NONE; count++) {
+                const ChiaroPrimitive *node = &sphere.tree.nodes[n];
+                float away = vec3_length(vec3_sub(vec3_load(node->center), vec3_load(point)));
+                if (node->count > 1)
+                    assert_below("half angle", (double)away, asin((double)(node->radius / away)),
+                                 (double)spans[s] / 2 + 1e-4);
+                for (uint32_t i = 0; i < node->count; i++)
+                    seen[sphere.tree.elements[node->first + i]]++;
+            }
+            for (uint32_t i = 0; i < sphere.count; i++)
+                assert_int_equal(seen[i], 1);
+            if (s == 0)
+                assert_int_equal(count, sphere.count);
+            if (distance > 180)
+                assert_true(s == 0 || count == 1);
+        }
+    }
+    /* Coming closer, it opens. 22.5 degrees: a texel of the article's 8 x 8 hemisphere. */
+    for (float distance = 1.5f; distance < 20; distance *= 1.3f) {
+        float point[3] = {0, distance, 0};
+        uint32_t count = 0;
+        ChiaroPrimitiveWalk walk = chiaro_primitive_walk_begin(&sphere.tree, point, 22.5f * CHIARO_PI / 180);
+        while (chiaro_primitive_walk_next(&walk) != CHIARO_NONE)
+            count++;
+        assert_true(count <= before);
+        before = count;
+    }
+    assert_int_equal(before, 1);
+    free(seen);
+    object_end(&sphere);
+}
+
+static void assert_sound_tree(const Object *object)
+{
+    for (uint32_t n = 0; n < object->tree.node_count; n++) {
+        const ChiaroPrimitive *node = &object->tree.nodes[n];
+        assert_true(isfinite(node->error) && isfinite(node->radius) && isfinite(node->projected_blend));
+        if (node->count == 1) {
+            assert_int_equal(node->next, n + 1);
+            continue;
+        }
+        const ChiaroPrimitive *left = node + 1, *right = &object->tree.nodes[left->next];
+        assert_int_equal(left->first, node->first);
+        assert_int_equal(right->first, node->first + left->count);
+        assert_int_equal(left->count + right->count, node->count);
+        assert_int_equal(right->next, node->next);
+    }
+}
+
+/* What splits badly: all in one place, and each far beyond the last. */
+static void bad_distributions_make_sound_trees(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        Object object = object_begin(3000);
+        float x = 1e-20f;
+        for (uint32_t i = 0; i < 3000; i++) {
+            x = k == 1 ? fminf(x * 1.02f, 1e9f) : 0;
+            object_add(&object, vec3(x, 0, 0), vec3(0, 1, 0), k == 2 ? 0 : 1, grey);
+        }
+        object_build(&object);
+        assert_sound_tree(&object);
+        object_end(&object);
+    }
+}
+
+static void elements_out_of_range_are_refused(void **state)
+{
+    (void)state;
+    ChiaroElement good = {.area = 1, .normal = {0, 1, 0}, .albedo = {0.5f, 0.5f, 0.5f}}, bad;
+    ChiaroPrimitive node[2];
+    ChiaroPrimitives tree;
+    assert_int_equal(chiaro_primitives_size(0), 0);
+    assert_int_equal(chiaro_primitives_size(CHIARO_MAX_ELEMENTS + 1), 0);
+    assert_int_equal(chiaro_primitives_build(&good, 1, node, sizeof node, &tree), CHIARO_OK);
+    assert_int_equal(chiaro_primitives_build(&good, 1, node, sizeof *node, &tree), CHIARO_ERROR_ARGUMENT);
+    assert_int_equal(chiaro_primitives_build(&good, 1, (char *)node + 1, sizeof node - 1, &tree),
+                     CHIARO_ERROR_ARGUMENT);
+    assert_int_equal(chiaro_primitives_build(NULL, 1, node, sizeof node, &tree), CHIARO_ERROR_ARGUMENT);
+#define REFUSES(what, value)                                                                                           \
+    do {                                                                                                               \
+        bad = good, bad.what = value;                                                                                  \
+        assert_int_equal(chiaro_primitives_build(&bad, 1, node, sizeof node, &tree), CHIARO_ERROR_ARGUMENT);           \
+    } while (0)
+    REFUSES(area, -1);
+    REFUSES(area, NAN);
+    REFUSES(normal[1], 2);
+    REFUSES(position[2], INFINITY);
+    REFUSES(albedo[0], 1.5f);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Neighbours as lights
+ */
+
+/* The half-angle rule beside the sphere it stands for; and the article's plain product, for comparison. */
+static void the_half_angle_stands_for_a_sphere(void **state)
+{
+    (void)state;
+    const float center[3] = {1, 2, 3}, albedo[3] = {1, 0.5f, 0};
+    ChiaroLight sun = {.type = CHIARO_LIGHT_SUN, .direction = {0, 0, -1}, .intensity = {1, 1, 1}};
+    double worst = 0, given = 0, plain = 0;
+    const uint32_t steps = 2000;
+    for (uint32_t i = 0; i < steps; i++) {
+        double angle = pi * (i + 0.5) / steps, ring = 2 * pi * sin(angle) * pi / steps;
+        float viewer[3] = {1 + 50 * (float)sin(angle), 2, 3 + 50 * (float)cos(angle)}, intensity[3];
+        chiaro_neighbour_light(center, 2, albedo, &sun, viewer, intensity);
+        assert_near("albedo", angle, (double)intensity[1], (double)intensity[0] / 2, 1e-6);
+        assert_true(intensity[2] == 0);
+        worst = fmax(worst, fabs((double)intensity[0] / 4 - lambert_sphere(angle)));
+        given += (double)intensity[0] * ring;
+        plain += 4 * pow(cos(angle / 2), 2) * ring;
+    }
+    print_message("half angle: at most %.4f of the full phase wrong; reflects %.4f of what comes in, plain product %.4f\n",
+                  worst / (2.0 / 3), given / (4 * pi), plain / (4 * pi));
+    assert_below("phase", 0, worst / (2.0 / 3), 0.005);
+    assert_near("energy", 0, given, 4 * pi, 1e-3 * 4 * pi);
+    assert_near("plain product", 0, plain, 2 * 4 * pi, 1e-3 * 4 * pi);
+}
+
+static void half_angle_normals_lie_between(void **state)
+{
+    (void)state;
+    const float x[3] = {1, 0, 0}, y[3] = {0, 1, 0}, back[3] = {-1, 0, 0};
+    float n[3];
+    chiaro_half_angle_normal(x, y, n);
+    assert_near("x", 0, (double)n[0], sqrt(0.5), 1e-6);
+    assert_near("y", 0, (double)n[1], sqrt(0.5), 1e-6);
+    chiaro_half_angle_normal(x, back, n);
+    assert_true(n[0] == -1 && n[1] == 0 && n[2] == 0);
+}
+
+/* However near the lamp, a ball of albedo 1 gives back what the lamp sends to it, and no more; touching or inside, nothing
+ * jumps. */
+static void a_lamp_gives_a_ball_what_it_sends_there(void **state)
+{
+    (void)state;
+    const float center[3] = {0, 0, 0}, albedo[3] = {1, 1, 1};
+    Object ball = make_sphere(vec3(0, 0, 0), 1, 1000);
+    for (float distance = 0.125f; distance < 100; distance *= 2) {
+        ChiaroLight lamp = {.type = CHIARO_LIGHT_POINT, .position = {0, distance, 0}, .intensity = {3, 3, 3}};
+        double given = 0, node_given = 0, d = (double)distance;
+        const uint32_t steps = 1000;
+        for (uint32_t i = 0; i < steps; i++) {
+            Vec3 way = spiral(i, steps);
+            float viewer[3], direction[3], intensity[3];
+            vec3_store(viewer, vec3_scale(way, 100));
+            vec3_store(direction, way);
+            chiaro_neighbour_light(center, 1, albedo, &lamp, viewer, intensity);
+            given += (double)intensity[0] * 4 * pi / steps;
+            chiaro_primitive_light(&ball.tree.nodes[0], &lamp, direction, intensity);
+            node_given += (double)intensity[0] * 4 * pi / steps;
+        }
+        double truth = d > 1 ? 3 * 2 * pi * (1 - sqrt(1 - 1 / (d * d))) : 3 * 2 * pi;
+        assert_near("ball", d, given, truth, 0.003 * truth);
+        /* Its elements are grey, and its sphere is larger by an element. */
+        assert_near("node", d, node_given, truth / 2, 0.06 * truth);
+    }
+    object_end(&ball);
+}
+
+static void a_lamp_lights_a_plate_by_the_law_of_samples(void **state)
+{
+    (void)state;
+    Object plate = object_begin(1600);
+    add_rectangle(&plate, vec3(0, 0, 0), vec3(0, 0, 1), vec3(1, 0, 0), 40, grey);
+    object_build(&plate);
+    const float up[3] = {0, 1, 0};
+    for (float height = 0.25f; height < 50; height *= 2) {
+        ChiaroLight lamp = {.type = CHIARO_LIGHT_POINT, .position = {0.5f, height, 0.25f}, .intensity = {1, 1, 1}};
+        double truth = 0;
+        for (uint32_t i = 0; i < plate.count; i++) {
+            Vec3 way = vec3_sub(vec3_load(lamp.position), vec3_load(plate.elements[i].position));
+            double d = (double)vec3_length(way);
+            truth += (double)plate.elements[i].area * 0.5 / pi * (double)way.y / (d * d * d);
+        }
+        float intensity[3];
+        chiaro_primitive_light(&plate.tree.nodes[0], &lamp, up, intensity);
+        assert_near("height", (double)height, (double)intensity[0], truth, 0.01 * truth);
+    }
+    ChiaroLight below = {.type = CHIARO_LIGHT_POINT, .position = {0, -1, 0}, .intensity = {1, 1, 1}};
+    float intensity[3];
+    chiaro_primitive_light(&plate.tree.nodes[0], &below, up, intensity);
+    assert_true(intensity[0] == 0);
+    object_end(&plate);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Form factors
+ */
+
+static void spheres_have_the_forms_of_the_table(void **state)
+{
+    (void)state;
+    const float point[3] = {0, 0, 0}, normal[3] = {0, 0, 1};
+    static const double table[][2] = {{1.3, 0.110726754}, {0.49, 0.263520136}, {0.3, 0.266637407},
+                                      {0, 0.166943493}, {-0.2, 0.053022820}, {-0.5, 0}, {-2, 0}};
+    for (size_t i = 0; i < sizeof table / sizeof *table; i++) {
+        float center[3] = {0.6f, 0, (float)table[i][0]};
+        assert_near("height", table[i][0], (double)chiaro_sphere_form(point, normal, center, 0.5f), table[i][1], 2e-7);
+    }
+}
+
+/* Share of cosine-weighted directions over a receiver that hit one of several spheres. */
+static double sphere_truth(const float point[3], const float normal[3], const float (*centers)[4], uint32_t count,
+                           uint32_t steps)
+{
+    uint32_t hits = 0;
+    for (uint32_t k = 0; k < steps * steps; k++) {
+        float u = ((float)(k % steps) + 0.5f) / (float)steps, v = ((float)(k / steps) + 0.5f) / (float)steps;
+        Vec3 d = vec3_cosine_direction(vec3_load(normal), u, v);
+        for (uint32_t i = 0; i < count; i++) {
+            Vec3 way = vec3_sub(vec3_load(centers[i]), vec3_load(point));
+            float along = vec3_dot(way, d), radius = centers[i][3];
+            if (along > 0 && vec3_dot(way, way) - along * along < radius * radius) {
+                hits++;
+                break;
+            }
+        }
+    }
+    return (double)hits / (steps * steps);
+}
+
+static void spheres_have_the_forms_that_rays_find(void **state)
+{
+    (void)state;
+    ChiaroRandom random = chiaro_random_seed(20, 1);
+    uint32_t crossing = 0;
+    for (int k = 0; k < 300; k++) {
+        float point[3] = {1, 2, 3}, normal[3], sphere[1][4];
+        vec3_store(normal, random_direction(&random));
+        Vec3 way = vec3_scale(random_direction(&random), 1 + 2 * chiaro_random_float(&random));
+        vec3_store(sphere[0], vec3_add(vec3_load(point), way));
+        sphere[0][3] = 0.95f * chiaro_random_float(&random);
+        crossing += fabsf(vec3_dot(vec3_load(normal), way)) < sphere[0][3];
+        assert_near("sphere", k, (double)chiaro_sphere_form(point, normal, sphere[0], sphere[0][3]),
+                    sphere_truth(point, normal, (const float (*)[4])sphere, 1, 256), 0.004);
+    }
+    assert_in_range(crossing, 30, 200);
+}
+
+static void nothing_jumps_where_a_sphere_touches_or_sets(void **state)
+{
+    (void)state;
+    const float point[3] = {0, 0, 0}, normal[3] = {0, 1, 0};
+    for (int degrees = 0; degrees <= 180; degrees += 5) {
+        float angle = (float)degrees * CHIARO_PI / 180, before = -1;
+        for (float distance = 3; distance > 0; distance -= 0.0005f) {
+            float center[3] = {distance * sinf(angle), distance * cosf(angle), 0};
+            float form = chiaro_sphere_form(point, normal, center, 1);
+            assert_true(form >= 0 && form <= 1);
+            /* The steepest is the grazing sphere at contact, as the square root of the gap. */
+            if (before >= 0)
+                assert_near("degrees", degrees, (double)form, (double)before, 0.03);
+            before = form;
+        }
+    }
+    for (float scale = 1e-6f; scale < 1e7f; scale *= 10) {
+        float center[3] = {0.6f * scale, 0.3f * scale, 0};
+        assert_near("scale", (double)scale, (double)chiaro_sphere_form(point, normal, center, 0.5f * scale),
+                    0.266637407, 1e-6);
+        float facing[3] = {0, 1, 0};
+        assert_near("disc, scale", (double)scale, (double)chiaro_disc_form(point, normal, center, facing, 0.5f * scale),
+                    0.5 * (1 - (0.36 + 0.09 - 0.25) / sqrt(pow(0.36 + 0.09 + 0.25, 2) - 4 * 0.25 * 0.36)), 0.004);
+    }
+}
+
+/* Parallel: 1/2 [1 - (a^2 + h^2 - R^2) / sqrt((a^2 + h^2 + R^2)^2 - 4 R^2 a^2)]. */
+static void parallel_discs_have_the_closed_form(void **state)
+{
+    (void)state;
+    const float point[3] = {0, 0, 0}, normal[3] = {0, 0, 1}, facing[3] = {0, 0, -1};
+    double worst = 0;
+    for (double h = 0.02; h < 100; h *= 1.7) {
+        for (double a = 0; a < 5; a += 0.23) {
+            float center[3] = {0, (float)a, (float)h};
+            double s = a * a + h * h, truth = 0.5 * (1 - (s - 0.49) / sqrt((s + 0.49) * (s + 0.49) - 4 * 0.49 * a * a));
+            double form = (double)chiaro_disc_form(point, normal, center, facing, 0.7f);
+            /* Just over the rim, a sixteenth of it is a chord: there alone it shows. */
+            worst = fmax(worst, fabs(form - truth) / fmax(1, fabs(truth)));
+            if (h > 0.1)
+                assert_near("height", h, form, truth, 0.004);
+        }
+    }
+    print_message("parallel disc: at most %.4f wrong, right above the rim\n", worst);
+    assert_near("on the table", 0, (double)chiaro_disc_form(point, normal, (float[3]){0.5f, 0, 1}, facing, 0.7f),
+                0.261454069, 5e-4);
+}
+
+static void turned_discs_have_the_forms_that_sums_find(void **state)
+{
+    (void)state;
+    ChiaroRandom random = chiaro_random_seed(21, 1);
+    double worst = 0;
+    uint32_t crossing = 0;
+    for (int k = 0; k < 400; k++) {
+        float point[3] = {-1, 0, 2}, normal[3], facing[3], center[3], radius = 0.1f + 1.2f * chiaro_random_float(&random);
+        Vec3 n = random_direction(&random), m = random_direction(&random), u, v;
+        Vec3 way = vec3_scale(random_direction(&random), 0.5f + 2 * chiaro_random_float(&random));
+        /* Sums are of no use where the plane is touched. */
+        if (fabsf(vec3_dot(way, m)) < 0.2f)
+            continue;
+        vec3_store(normal, n);
+        vec3_store(facing, m);
+        vec3_store(center, vec3_add(vec3_load(point), way));
+        vec3_frame(m, &u, &v);
+        double truth = 0;
+        const uint32_t steps = 200;
+        for (uint32_t i = 0; i < steps * steps; i++) {
+            float r = radius * sqrtf(((float)(i % steps) + 0.5f) / (float)steps);
+            float phi = 2 * CHIARO_PI * ((float)(i / steps) + 0.5f) / (float)steps;
+            Vec3 p = vec3_mad(vec3_mad(way, u, r * cosf(phi)), v, r * sinf(phi));
+            double d = (double)vec3_length(p), c = (double)vec3_dot(n, p), s = (double)fabsf(vec3_dot(m, p));
+            truth += fmax(0, c) * s / (d * d * d * d) * (double)(radius * radius) / (steps * steps);
+        }
+        crossing += fabsf(vec3_dot(n, way)) < 0.7f * radius;
+        double form = (double)chiaro_disc_form(point, normal, center, facing, radius);
+        worst = fmax(worst, fabs(form - truth));
+        assert_near("disc", k, form, truth, 0.004);
+    }
+    print_message("turned discs: at most %.4f wrong\n", worst);
+    assert_in_range(crossing, 40, 300);
+}
+
+static void far_discs_are_points(void **state)
+{
+    (void)state;
+    const float point[3] = {0, 0, 0}, normal[3] = {0, 1, 0};
+    ChiaroRandom random = chiaro_random_seed(22, 1);
+    for (int k = 0; k < 200; k++) {
+        /* On both sides of the distance where the law changes. */
+        float facing[3], inner[3], outer[3];
+        Vec3 d = vec3_normalize(vec3_add(random_direction(&random), vec3(0, 1.2f, 0)));
+        vec3_store(facing, random_direction(&random));
+        vec3_store(inner, vec3_scale(d, 31.9f));
+        vec3_store(outer, vec3_scale(d, 32.1f));
+        double near_form = (double)chiaro_disc_form(point, normal, inner, facing, 1);
+        double far_form = (double)chiaro_disc_form(point, normal, outer, facing, 1);
+        assert_near("form", k, far_form * (32.1 * 32.1) / (31.9 * 31.9), near_form, 0.003 * near_form + 3e-6);
+    }
+}
+
+static void nodes_have_the_form_of_what_they_stand_for(void **state)
+{
+    (void)state;
+    ChiaroRandom random = chiaro_random_seed(23, 1);
+    Object sphere = make_sphere(vec3(0, 0, 0), 1, 2000), plate = object_begin(400);
+    add_rectangle(&plate, vec3(0, 0, 0), vec3(0, 0, 0.886227f), vec3(0.886227f, 0, 0), 20, grey);
+    object_build(&plate);
+    const float center[3] = {0, 0, 0}, up[3] = {0, 1, 0};
+    for (int k = 0; k < 300; k++) {
+        float point[3], normal[3];
+        vec3_store(point, vec3_scale(random_direction(&random), 1.5f + 3 * chiaro_random_float(&random)));
+        vec3_store(normal, random_direction(&random));
+        double form = (double)chiaro_primitive_form(&sphere.tree.nodes[0], point, normal);
+        assert_near("sphere", k, form, (double)chiaro_sphere_form(point, normal, center, 1), 0.003);
+        form = (double)chiaro_primitive_form(&plate.tree.nodes[0], point, normal);
+        double truth = point[1] > 0 ? (double)chiaro_disc_form(point, normal, center, up, 1) : 0;
+        assert_near("plate", k, form, truth, 1e-4);
+    }
+    object_end(&sphere);
+    object_end(&plate);
+}
+
+/* Light that arrives from a glowing sphere: the same from its root, and summed over a cut of nodes that face the receiver. */
+static void nodes_send_what_the_whole_sends(void **state)
+{
+    (void)state;
+    Object sphere = make_sphere(vec3(0, 3, 0), 1, 2000);
+    const float point[3] = {0.5f, 0, 0}, normal[3] = {0, 1, 0}, center[3] = {0, 3, 0};
+    double truth = (double)chiaro_sphere_form(point, normal, center, 1);
+    static const float spans[] = {3, 0.4f, 0.2f, 0.1f};
+    for (int s = 0; s < 4; s++) {
+        double sum = 0;
+        ChiaroPrimitiveWalk walk = chiaro_primitive_walk_begin(&sphere.tree, point, spans[s]);
+        for (uint32_t n; (n = chiaro_primitive_walk_next(&walk)) != CHIARO_NONE;)
+            sum += (double)chiaro_primitive_form(&sphere.tree.nodes[n], point, normal);
+        print_message("sphere in nodes of up to %.1f rad: form %.4f of %.4f\n", (double)spans[s], sum, truth);
+        assert_near("span", (double)spans[s], sum, truth, 0.1 * truth);
+    }
+    object_end(&sphere);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Several in the way
+ */
+
+/* Balls over a floor, some in front of others, against rays; beside them what the two simple rules give: all as
+ * independent (product), and all as apart (sum). */
+static void blockers_together_take_what_rays_say(void **state)
+{
+    (void)state;
+    ChiaroRandom random = chiaro_random_seed(30, 1);
+    double square = 0, product_square = 0, sum_square = 0, mean = 0, worst = 0, worst_product = 0;
+    const int cases = 400;
+    for (int k = 0; k < cases; k++) {
+        const float point[3] = {0, 0, 0}, normal[3] = {0, 1, 0};
+        float spheres[8][4];
+        ChiaroBlocker blockers[8];
+        uint32_t count = 2 + (uint32_t)k % 7;
+        double product = 1, sum = 0, largest = 0;
+        for (uint32_t i = 0; i < count; i++) {
+            Vec3 way = random_direction(&random);
+            way.y = fabsf(way.y);
+            float distance = 1.2f + 5 * chiaro_random_float(&random);
+            vec3_store(spheres[i], vec3_scale(way, distance));
+            spheres[i][3] = fminf(distance - 0.1f, 0.3f + 1.5f * chiaro_random_float(&random));
+            blockers[i] = chiaro_sphere_blocker(point, normal, spheres[i], spheres[i][3]);
+            product *= 1 - (double)blockers[i].form;
+            sum += (double)blockers[i].form;
+            largest = fmax(largest, (double)blockers[i].form);
+        }
+        double truth = sphere_truth(point, normal, (const float (*)[4])spheres, count, 128);
+        double together = (double)chiaro_blockers_combine(blockers, count);
+        assert_true(together >= largest - 1e-6 && together <= fmin(1, sum) + 1e-6);
+        worst = fmax(worst, fabs(together - truth)), worst_product = fmax(worst_product, fabs(1 - product - truth));
+        square += pow(together - truth, 2) / cases, mean += (together - truth) / cases;
+        product_square += pow(1 - product - truth, 2) / cases, sum_square += pow(fmin(1, sum) - truth, 2) / cases;
+    }
+    print_message("blockers together: rms %.4f, mean %+.4f, worst %.4f; product rms %.4f, worst %.4f; sum rms %.4f\n",
+                  sqrt(square), mean, worst, sqrt(product_square), worst_product, sqrt(sum_square));
+    assert_below("rms", 0, sqrt(square), 0.03);
+    assert_below("worst", 0, worst, 0.15);
+    assert_below("against the product", 0, sqrt(square), sqrt(product_square));
+}
+
+static void blockers_apart_add_and_behind_another_do_not(void **state)
+{
+    (void)state;
+    const float point[3] = {0, 0, 0}, normal[3] = {0, 1, 0};
+    const float left[3] = {-3, 3, 0}, right[3] = {3, 3, 0}, behind[3] = {6, 6, 0};
+    ChiaroBlocker a = chiaro_sphere_blocker(point, normal, left, 1), b = chiaro_sphere_blocker(point, normal, right, 1);
+    ChiaroBlocker c = chiaro_sphere_blocker(point, normal, behind, 1.5f);
+    assert_near("apart", 0, (double)chiaro_blockers_combine((ChiaroBlocker[2]){a, b}, 2), (double)(a.form + b.form),
+                1e-7);
+    assert_near("behind", 0, (double)chiaro_blockers_combine((ChiaroBlocker[2]){b, c}, 2), (double)b.form, 1e-6);
+    assert_near("twice", 0, (double)chiaro_blockers_combine((ChiaroBlocker[2]){b, b}, 2), (double)b.form, 1e-6);
+    assert_true(chiaro_blockers_combine(NULL, 0) == 0);
+}
+
+static void the_order_of_blockers_cannot_be_seen(void **state)
+{
+    (void)state;
+    ChiaroRandom random = chiaro_random_seed(31, 1);
+    const float point[3] = {0, 0, 0}, normal[3] = {0, 1, 0};
+    ChiaroBlocker blockers[40], turned[40];
+    for (uint32_t i = 0; i < 40; i++) {
+        float center[3];
+        vec3_store(center, vec3_scale(random_direction(&random), 3));
+        blockers[i] = i % 5 == 4 ? blockers[i - 1] : chiaro_sphere_blocker(point, normal, center, 1);
+        turned[39 - i] = blockers[i];
+    }
+    for (uint32_t count = 1; count <= 40; count++)
+        assert_true(chiaro_blockers_combine(blockers, count) == chiaro_blockers_combine(turned + 40 - count, count));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_sphere_looks_the_same_from_everywhere),
+        cmocka_unit_test(a_sphere_is_lit_as_a_lambert_sphere),
+        cmocka_unit_test(a_plate_is_its_cosines),
+        cmocka_unit_test(a_box_along_the_axes_is_its_faces),
+        cmocka_unit_test(a_turned_box_opens_into_its_faces),
+        cmocka_unit_test(no_form_makes_or_loses_light),
+        cmocka_unit_test(the_error_that_a_node_states_is_what_it_has),
+        cmocka_unit_test(an_object_has_another_colour_from_another_side),
+        cmocka_unit_test(a_thicket_looks_no_larger_than_its_sphere),
+        cmocka_unit_test(elements_that_glow_evenly_have_one_radiance),
+        cmocka_unit_test(lit_elements_shine_as_the_sphere_does),
+        cmocka_unit_test(a_walk_covers_the_object_once_with_small_nodes),
+        cmocka_unit_test(bad_distributions_make_sound_trees),
+        cmocka_unit_test(elements_out_of_range_are_refused),
+        cmocka_unit_test(the_half_angle_stands_for_a_sphere),
+        cmocka_unit_test(half_angle_normals_lie_between),
+        cmocka_unit_test(a_lamp_gives_a_ball_what_it_sends_there),
+        cmocka_unit_test(a_lamp_lights_a_plate_by_the_law_of_samples),
+        cmocka_unit_test(spheres_have_the_forms_of_the_table),
+        cmocka_unit_test(spheres_have_the_forms_that_rays_find),
+        cmocka_unit_test(nothing_jumps_where_a_sphere_touches_or_sets),
+        cmocka_unit_test(parallel_discs_have_the_closed_form),
+        cmocka_unit_test(turned_discs_have_the_forms_that_sums_find),
+        cmocka_unit_test(far_discs_are_points),
+        cmocka_unit_test(nodes_have_the_form_of_what_they_stand_for),
+        cmocka_unit_test(nodes_send_what_the_whole_sends),
+        cmocka_unit_test(blockers_together_take_what_rays_say),
+        cmocka_unit_test(blockers_apart_add_and_behind_another_do_not),
+        cmocka_unit_test(the_order_of_blockers_cannot_be_seen),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
