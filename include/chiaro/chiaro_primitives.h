@@ -7,7 +7,8 @@
  *
  * A node knows two forms and takes the one that is closer to its elements, which is measured when the tree is built:
  *
- *   - dot: one plate with the mean normal, the article's "dot product and a color". Right where the node is flat.
+ *   - dot: one normal, the article's "dot product and a color", and a cone about it, which softens the edge where some
+ *     elements face away. Exact where the node is flat, within a few percent up to an eighth of a sphere.
  *   - axes: six values, toward +x -x +y -y +z -z, for closed and round shapes. What differs between a direction and its
  *     opposite is a dot product, and exact. What is the same is weighed by the squared components of the direction, and
  *     partly by their magnitudes: the squares are exact for a sphere, the magnitudes for a box along the axes. The
@@ -167,7 +168,7 @@ CHIARO_API float chiaro_sphere_form(const float point[3], const float normal[3],
 CHIARO_API float chiaro_disc_form(const float point[3], const float normal[3], const float center[3],
                                   const float disc_normal[3], float radius);
 
-/** Form factor of a node: of its plate as seen from the front, or of a sphere with its projected area.
+/** Form factor of a node: of a plate where all of it faces the receiver, or of a sphere with its projected area.
  * @thread_safety any thread. */
 CHIARO_API float chiaro_primitive_form(const ChiaroPrimitive *node, const float point[3], const float normal[3]);
 

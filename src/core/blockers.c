@@ -2,6 +2,7 @@
  * receiver, and what several of them take together.
  */
 #include "chiaro/chiaro_primitives.h"
+#include "primitives.h"
 #include "vec.h"
 
 /* Corners of the polygon that stands for a disc, and the disc's radius to the corners': the areas are equal. */
@@ -97,15 +98,14 @@ static float node_radius(const ChiaroPrimitive *node, Vec3 toward_viewer)
 
 float chiaro_primitive_form(const ChiaroPrimitive *node, const float point[3], const float normal[3])
 {
-    Vec3 way = vec3_sub(vec3_load(point), vec3_load(node->center));
-    if (node->form == CHIARO_PRIMITIVE_AXES)
-        return chiaro_sphere_form(point, normal, node->center, node_radius(node, vec3_normalize(way)));
-    Vec3 mean = vec3_load(node->normal);
-    float length = vec3_length(mean), facing[3];
-    if (!(length > 0) || vec3_dot(mean, way) <= 0)
-        return 0;
-    vec3_store(facing, vec3_scale(mean, 1 / length));
-    return chiaro_disc_form(point, normal, node->center, facing, sqrtf(node->area * length / CHIARO_PI));
+    Vec3 toward = vec3_normalize(vec3_sub(vec3_load(point), vec3_load(node->center))), mean = vec3_load(node->normal);
+    float flatness = vec3_length(mean), facing[3];
+    /* A plate, where all of it faces the receiver. Otherwise what is seen of it, as a ball. */
+    if (node->form == CHIARO_PRIMITIVE_AXES || !(flatness > 0) ||
+        vec3_dot(mean, toward) < flatness * chiaro_cone_sine(flatness))
+        return chiaro_sphere_form(point, normal, node->center, node_radius(node, toward));
+    vec3_store(facing, vec3_scale(mean, 1 / flatness));
+    return chiaro_disc_form(point, normal, node->center, facing, sqrtf(node->area * flatness / CHIARO_PI));
 }
 
 static ChiaroBlocker make_blocker(Vec3 way, float radius, float form)

@@ -7,6 +7,7 @@
  * between the two moves light around; it can neither make nor lose any.
  */
 #include "chiaro/chiaro_primitives.h"
+#include "primitives.h"
 #include "samples.h"
 #include "vec.h"
 
@@ -73,7 +74,11 @@ static float sphere_phase(float cosine)
 
 static float dot_area(const ChiaroPrimitive *node, Vec3 d)
 {
-    return fmaxf(0, vec3_dot(vec3_load(node->normal), d) * node->area);
+    Vec3 n = vec3_load(node->normal);
+    float flatness = vec3_length(n);
+    if (!(flatness > 0))
+        return 0;
+    return node->area * flatness * chiaro_cone_facing(vec3_dot(n, d) / flatness, chiaro_cone_sine(flatness));
 }
 
 static float axes_area(const ChiaroPrimitive *node, Vec3 d)
@@ -92,10 +97,23 @@ static Vec3 whole_reflected(const ChiaroPrimitive *node)
     return axis_sum(ones, node->reflected);
 }
 
+/* Where all normals n face light l and viewer v, the mean of (n . l) (n . v) is l M v, with M the mean of n n. Of a
+ * cap, a share `along` lies along the mean normal and the rest across. Where some face away, both parts fade. */
 static Vec3 dot_reflected(const ChiaroPrimitive *node, Vec3 light, Vec3 viewer)
 {
-    Vec3 n = vec3_normalize(vec3_load(node->normal));
-    return vec3_scale(whole_reflected(node), fmaxf(0, vec3_dot(n, light)) * fmaxf(0, vec3_dot(n, viewer)));
+    Vec3 n = vec3_load(node->normal), none = {0, 0, 0};
+    float flatness = vec3_length(n);
+    if (!(flatness > 0))
+        return none;
+    n = vec3_scale(n, 1 / flatness);
+    float x = vec3_dot(n, light), y = vec3_dot(n, viewer), sine = chiaro_cone_sine(flatness);
+    float lit = chiaro_cone_facing(x, sine), seen = chiaro_cone_facing(y, sine);
+    if (lit <= 0 || seen <= 0)
+        return none;
+    float cosine = chiaro_cone_cosine(flatness), along = (1 + cosine + cosine * cosine) / 3;
+    float fade = (x < sine ? (x + sine) / (2 * sine) : 1) * (y < sine ? (y + sine) / (2 * sine) : 1);
+    float across = (vec3_dot(light, viewer) - x * y) * fade;
+    return vec3_scale(whole_reflected(node), fmaxf(0, along * lit * seen + (1 - along) / 2 * across));
 }
 
 /* A sphere, coloured by the axes that light and viewer look at. */
@@ -167,20 +185,31 @@ static float sphere_near_share(float radius, float distance)
     return 2 / (1 + sqrtf(1 - square)); /* (1 - root) (1 + root) = square: nothing cancels */
 }
 
+/* The same of a plate, by the law of surface samples: a square patch of the same area. That law has the cosine in it. A
+ * curved node has no plane in which a lamp could lie: it takes what it would from straight above. */
+static float plate_near_share(const ChiaroPrimitive *node, Vec3 toward, float distance)
+{
+    Vec3 n = vec3_load(node->normal);
+    float pull_back = sqrtf(node->area / (2 * CHIARO_PI)), flatness = vec3_length(n);
+    if (!(flatness > 0) || !(pull_back > 0))
+        return 1;
+    n = vec3_scale(n, 1 / flatness);
+    if (flatness <= CHIARO_FLAT)
+        toward = n;
+    float cosine = vec3_dot(n, toward), square = distance * distance;
+    return cosine > 0 ? chiaro_point_form(n, pull_back, toward, distance) * square / cosine : 0;
+}
+
 void chiaro_primitive_light(const ChiaroPrimitive *node, const ChiaroLight *light, const float toward_viewer[3],
                             float intensity[3])
 {
     float toward[3], distance, rgb[3];
     chiaro_light_at(light, node->center, toward, &distance, rgb);
     Vec3 irradiance = vec3_load(rgb);
-    if (light->type != CHIARO_LIGHT_SUN && node->form == CHIARO_PRIMITIVE_DOT) {
-        /* The law of surface samples: a square patch of the same area. It has the cosine in it. */
-        Vec3 n = vec3_normalize(vec3_load(node->normal));
-        float cosine = vec3_dot(n, vec3_load(toward)), pull_back = sqrtf(node->area / (2 * CHIARO_PI));
-        float form = chiaro_point_form(n, pull_back, vec3_load(toward), distance);
-        irradiance = vec3_scale(irradiance, cosine > 0 ? form * distance * distance / cosine : 0);
-    } else if (light->type != CHIARO_LIGHT_SUN) {
-        irradiance = vec3_scale(irradiance, sphere_near_share(node->radius, distance));
+    if (light->type != CHIARO_LIGHT_SUN) {
+        float share = node->form == CHIARO_PRIMITIVE_DOT ? plate_near_share(node, vec3_load(toward), distance)
+                                                         : sphere_near_share(node->radius, distance);
+        irradiance = vec3_scale(irradiance, share);
     }
     vec3_store(rgb, irradiance);
     chiaro_primitive_reflect(node, toward, rgb, toward_viewer, intensity);
@@ -216,18 +245,21 @@ void chiaro_primitive_radiate(const ChiaroPrimitive *node, const float axes[18],
                               float intensity[3])
 {
     Vec3 viewer = vec3_load(toward_viewer), sum = {0, 0, 0};
-    float weights[6];
     if (node->form == CHIARO_PRIMITIVE_DOT) {
-        /* What goes toward +x less what goes toward -x: the dot product with each element's own normal, summed. */
+        /* What goes toward +x less what goes toward -x: a vector for each colour, as the mean normal is for area. */
+        float sine = chiaro_cone_sine(vec3_length(vec3_load(node->normal))), rgb[3];
         for (uint32_t c = 0; c < 3; c++) {
-            weights[2 * c] = toward_viewer[c];
-            weights[2 * c + 1] = -toward_viewer[c];
+            Vec3 v = {axes[c] - axes[3 + c], axes[6 + c] - axes[9 + c], axes[12 + c] - axes[15 + c]};
+            float length = vec3_length(v);
+            rgb[c] = length > 0 ? length * chiaro_cone_facing(vec3_dot(v, viewer) / length, sine) : 0;
         }
+        sum = vec3_load(rgb);
     } else {
+        float weights[6];
         axis_weights(viewer, node->projected_blend, weights);
+        for (uint32_t i = 0; i < 6; i++)
+            sum = vec3_mad(sum, vec3_load(axes + 3 * i), weights[i]);
     }
-    for (uint32_t i = 0; i < 6; i++)
-        sum = vec3_mad(sum, vec3_load(axes + 3 * i), weights[i]);
     float seen = seen_share(node, form_area(node, viewer));
     vec3_store(intensity, vec3_scale(vec3(fmaxf(0, sum.x), fmaxf(0, sum.y), fmaxf(0, sum.z)), seen));
 }

@@ -1,0 +1,29 @@
+/* The cone of normals of a node, shared by how it looks and what it blocks. */
+#ifndef CHIARO_PRIMITIVES_INTERNAL_H
+#define CHIARO_PRIMITIVES_INTERNAL_H
+
+#include "vec.h"
+
+/* A mean normal as long as that is a plate's: the rest is rounding. */
+#define CHIARO_FLAT 0.9999f
+
+/* Cosine at the edge of the cone that the normals of a node fill, as if it were a cap of a sphere, whose mean normal is
+ * (1 + cosine) / 2 long. */
+static inline float chiaro_cone_cosine(float flatness)
+{
+    return flatness > CHIARO_FLAT ? 1 : fmaxf(0, 2 * flatness - 1);
+}
+
+static inline float chiaro_cone_sine(float flatness)
+{
+    float cosine = chiaro_cone_cosine(flatness);
+    return sqrtf(1 - cosine * cosine);
+}
+
+/* max(0, x) as a cone of normals sees it: between -sine and sine only some of them face there. */
+static inline float chiaro_cone_facing(float x, float sine)
+{
+    return x >= sine ? fmaxf(0, x) : x > -sine ? (x + sine) * (x + sine) / (4 * sine) : 0;
+}
+
+#endif
