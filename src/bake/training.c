@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LEAST_SUNS = 16, MORE_SUNS = 80, LEAST_SKIES = 16, MORE_SKIES = 208, LEAST_LAMPS = 1536, MOST_LAMPS = 2048 };
+enum { LEAST_SUNS = 16, MORE_SUNS = 80, LEAST_SKIES = 16, MORE_SKIES = 752, LEAST_LAMPS = 1536, MOST_LAMPS = 2048 };
 /* A scene this open is taught all suns and skies. */
 static const float OPEN = 0.5f;
 
@@ -111,12 +111,12 @@ static uint32_t light_all_lamps(const Training *training, uint32_t next)
     return next;
 }
 
-/* A sky of one lobe over a plain ground, of random width. */
+/* A sky of one lobe over a plain ground, of random width; those of one channel come from evenly all sides. */
 static void paint_skies(Baker *baker, uint32_t first, uint32_t count)
 {
     ChiaroRandom random = chiaro_random_seed(baker->desc.seed, 0x5e7);
     for (uint32_t t = first; t < first + count; t++) {
-        float y = 2 * chiaro_random_float(&random) - 1, r = sqrtf(1 - y * y);
+        float y = 2 * ((float)(t - first) + chiaro_random_float(&random)) / (float)count - 1, r = sqrtf(1 - y * y);
         float phi = 2 * CHIARO_PI * chiaro_random_float(&random);
         Vec3 center = {r * cosf(phi), y, r * sinf(phi)};
         float width = powf(300, chiaro_random_float(&random)), plain = t % 4 ? 0 : chiaro_random_float(&random);
@@ -153,6 +153,7 @@ ChiaroResult chiaro_bake_training(Baker *baker)
     uint32_t suns = open ? LEAST_SUNS + (uint32_t)(part * MORE_SUNS) : 0;
     uint32_t skies = open ? LEAST_SKIES + (uint32_t)(part * MORE_SKIES) : 0;
     lamps = lamps < LEAST_LAMPS ? LEAST_LAMPS : lamps > MOST_LAMPS ? MOST_LAMPS : lamps;
+    lamps -= skies < lamps / 2 ? skies : lamps / 2;
     uint32_t wanted = lamps + suns + skies + (baker->info.emitters ? 3 : 0) + 6 + (open ? 3 : 0);
     baker->grey = grey;
     baker->columns = (wanted + CHIARO_COLUMN_BLOCK - 1) / CHIARO_COLUMN_BLOCK * CHIARO_COLUMN_BLOCK;
