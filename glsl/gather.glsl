@@ -1,4 +1,5 @@
-/* A block of links: light of the cut's nodes -> patterns -> irradiance of the rows. One work group a block. Twin of chiaro_links_gather. Includers define BLOCKS, NODES and WEIGHTS, the arrays of their links. */
+/* A block of links: light of the cut's nodes -> patterns -> irradiance of the rows. One work group a block. Twin of
+ * chiaro_links_gather. Includers define NODES and WEIGHTS, the arrays of their links. */
 shared vec3 chiaro_light[CHIARO_BLOCK_NODES];
 shared vec3 chiaro_part[CHIARO_BLOCK_RANK * CHIARO_BLOCK_PARTS];
 shared vec3 chiaro_pattern[CHIARO_BLOCK_RANK];

@@ -4,7 +4,6 @@
  * groups follow the blocks', are carried over as they are. */
 #include "chiaro.glsl"
 #include "gi.glsl"
-#define BLOCKS sample_blocks
 #define NODES sample_nodes
 #define WEIGHTS sample_weights
 #include "gather.glsl"
@@ -18,7 +17,7 @@ void main()
             values[target + leaf] = values[source + leaf];
         return;
     }
-    ChiaroGpuBlock block = BLOCKS[push.range.x + group];
+    ChiaroGpuBlock block = sample_blocks[push.range.x + group];
     chiaro_gather_patterns(block, source);
     for (uint row = lane; row < block.rows.y; row += CHIARO_GROUP_SIZE) {
         uint s = block.rows.x + row;

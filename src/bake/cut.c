@@ -59,13 +59,12 @@ static void load_row(const CutTask *task, uint32_t columns, uint32_t node, float
         row[k] = from[task->columns[k]] * task->column_scale[k];
 }
 
-/* First of the task's leaves that is `leaf` or comes after it. */
-static uint32_t place_of(const CutTask *task, uint32_t leaf)
+uint32_t chiaro_cut_place(const uint32_t *leaves, uint32_t count, uint32_t leaf)
 {
-    uint32_t low = 0, high = task->leaf_count;
+    uint32_t low = 0, high = count;
     while (low < high) {
         uint32_t middle = low + (high - low) / 2;
-        if (task->leaves[middle] < leaf)
+        if (leaves[middle] < leaf)
             low = middle + 1;
         else
             high = middle;
@@ -109,8 +108,10 @@ static void add_up(Cut *cut, Open *open, uint32_t node, uint32_t first, uint32_t
 static bool open_children(Cut *cut, Open *parent, Open *spare)
 {
     const ChiaroNode *nodes = cut->baker->nodes, *node = &nodes[parent->node];
-    uint32_t first = place_of(&cut->task, node->first), end = place_of(&cut->task, node->first + node->count);
-    uint32_t middle = place_of(&cut->task, nodes[node->right].first);
+    const CutTask *task = &cut->task;
+    uint32_t first = chiaro_cut_place(task->leaves, task->leaf_count, node->first);
+    uint32_t end = chiaro_cut_place(task->leaves, task->leaf_count, node->first + node->count);
+    uint32_t middle = chiaro_cut_place(task->leaves, task->leaf_count, nodes[node->right].first);
     bool left_smaller = middle - first <= end - middle;
     uint32_t smaller = left_smaller ? node->left : node->right, larger = left_smaller ? node->right : node->left;
     uint32_t from = left_smaller ? first : middle, to = left_smaller ? middle : end;

@@ -24,6 +24,9 @@ typedef struct Cut Cut;
 Cut *chiaro_cut_create(const Baker *baker, uint32_t most_nodes);
 void chiaro_cut_destroy(Cut *cut);
 
+/* Place of the first of some leaves, in their order, that is `leaf` or comes after it. */
+uint32_t chiaro_cut_place(const uint32_t *leaves, uint32_t count, uint32_t leaf);
+
 /* Writes at most `most` nodes and returns their number. Together they hold all leaves of the task, each once. */
 uint32_t chiaro_cut_make(Cut *cut, const CutTask *task, uint32_t most, uint32_t *nodes);
 

@@ -510,14 +510,7 @@ static void collect_prior(FitScratch *s, uint32_t channel, uint32_t rank, const 
     const ChiaroNode *all = s->task.baker->nodes;
     memset(s->prior, 0, (size_t)rank * count * sizeof *s->prior);
     for (uint32_t i = 0; i < count; i++) {
-        uint32_t first = all[nodes[i]].first, l = 0, high = rows->leaf_count;
-        while (l < high) {
-            uint32_t middle = l + (high - l) / 2;
-            if (rows->leaves[middle] < first)
-                l = middle + 1;
-            else
-                high = middle;
-        }
+        uint32_t first = all[nodes[i]].first, l = chiaro_cut_place(rows->leaves, rows->leaf_count, first);
         for (; l < rows->leaf_count && rows->leaves[l] < first + all[nodes[i]].count; l++) {
             for (uint32_t p = 0; p < rank; p++)
                 s->prior[(size_t)p * count + i] += s->form[((size_t)channel * rank + p) * rows->leaf_count + l];
@@ -558,7 +551,8 @@ static void normal_equations(FitScratch *s, uint32_t channel, uint32_t rank, uin
 static void load_nodes(FitScratch *s, const uint32_t *nodes, uint32_t n)
 {
     for (uint32_t i = 0; i < n; i++)
-        load_light(s, s->task.feature + (size_t)nodes[i] * s->task.baker->columns, 0, s->width, s->light + (size_t)i * s->width);
+        load_light(s, s->task.feature + (size_t)nodes[i] * s->task.baker->columns, 0, s->width,
+                   s->light + (size_t)i * s->width);
 }
 
 /* Leaves `most` of n nodes. Returns how many there are. */

@@ -90,7 +90,8 @@ static void carry(const Baker *baker, const Fitted *fitted, float *sums)
             const float *weights = fitted->weights + ((size_t)c * block->rank + p) * block->node_count;
             memset(sums + (size_t)p * columns, 0, columns * sizeof *sums);
             for (uint32_t i = 0; i < block->node_count; i++)
-                chiaro_axpy(sums + (size_t)p * columns, weights[i], baker->direct + (size_t)fitted->nodes[i] * columns, columns);
+                chiaro_axpy(sums + (size_t)p * columns, weights[i], baker->direct + (size_t)fitted->nodes[i] * columns,
+                            columns);
         }
         for (uint32_t r = 0; r < block->row_count; r++) {
             size_t s = block->first_row + r;
@@ -115,7 +116,8 @@ static void link_samples(uint32_t begin, uint32_t end, uint32_t thread, void *us
     Worker *worker = &job->workers[thread];
     for (uint32_t b = begin; b < end && !worker->failed; b++) {
         uint32_t first = job->begin[b], leaves = baker->leaf_count;
-        FitRows rows = {.count = job->begin[b + 1] - first, .leaves = worker->leaves, .leaf_count = leaves, .form = worker->form};
+        FitRows rows = {.count = job->begin[b + 1] - first, .leaves = worker->leaves, .form = worker->form};
+        rows.leaf_count = leaves;
         memset(worker->form, 0, (size_t)rows.count * leaves * sizeof *worker->form);
         for (uint32_t r = 0; r < rows.count; r++) {
             rows.target[r] = baker->irradiance + (size_t)(first + r) * baker->columns;
