@@ -35,8 +35,8 @@ static void hash_bytes(Hash *hash, const void *data, size_t size)
 static Hash hash_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc)
 {
     Hash hash = {0xcbf29ce484222325u, 0x84222325cbf29ce4u};
-    const uint32_t settings[6] = {CHIARO_VERSION,  desc->links,     desc->samples,
-                                  desc->rays,      desc->receivers, desc->seed};
+    const uint32_t settings[7] = {CHIARO_VERSION, CHIARO_BAKE_REVISION, desc->links, desc->samples,
+                                  desc->rays,     desc->receivers,      desc->seed};
     hash_bytes(&hash, settings, sizeof settings);
     hash_bytes(&hash, scene->vertices, scene->vertex_count * sizeof *scene->vertices);
     hash_bytes(&hash, scene->indices, scene->index_count * sizeof *scene->indices);
