@@ -13,7 +13,7 @@
 #include "../src/core/samples.h"
 #include "../src/core/tone.h"
 #include "../src/core/transport.h"
-#include "../src/offline/random.h"
+#include "../src/core/random.h"
 #include "chiaro_shared.h"
 #include "common/check.h"
 #include "common/made_transport.h"

@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "../src/offline/random.h"
+#include "../src/core/random.h"
 #include "chiaro/chiaro_objects.h"
 #include "common/check.h"
 

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "../src/core/cubes.h"
-#include "../src/offline/random.h"
+#include "../src/core/random.h"
 #include "common/check.h"
 
 static const double pi = 3.14159265358979323846;

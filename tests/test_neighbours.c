@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "../src/core/vec.h"
-#include "../src/offline/random.h"
+#include "../src/core/random.h"
 #include "chiaro/chiaro_neighbours.h"
 #include "common/check.h"
 

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "../src/core/vec.h"
-#include "../src/offline/random.h"
+#include "../src/core/random.h"
 #include "chiaro/chiaro_primitives.h"
 #include "common/check.h"
 

@@ -274,7 +274,7 @@ typedef struct ChiaroNode {
  * r receives the sum over the patterns of share[p][r] * pattern[p], never less than nothing.
  * Source: Sloan, Hall, Hart, Snyder, "Clustered Principal Components for Precomputed Radiance Transfer", 2003. */
 typedef struct ChiaroBlock {
-    uint32_t first_row, row_count;   /**< At most 128 rows. */
+    uint32_t first_row, row_count;   /**< At most 192 rows. */
     uint32_t first_node, node_count; /**< Run of ChiaroLinks.nodes, a cut through the tree: at most 512. */
     uint32_t first_weight; /**< Of ChiaroLinks.weights: [channel][pattern][node]. */
     uint32_t first_share;  /**< Of ChiaroLinks.weights: [pattern][row]. */

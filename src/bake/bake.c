@@ -86,7 +86,7 @@ static void release(Baker *baker)
                    baker->vertex_receivers, baker->indices, baker->parts, baker->receivers, baker->receiver_plane,
                    baker->column_channel, baker->direct, baker->total, baker->carried, baker->irradiance,
                    baker->clusters, baker->sample_cluster, baker->response[0], baker->response[1], baker->response[2],
-                   baker->receiver_blocks, baker->sample_links.blocks, baker->sample_links.nodes,
+                   baker->receiver_runs, baker->sample_links.blocks, baker->sample_links.nodes,
                    baker->sample_links.weights, baker->receiver_links.blocks, baker->receiver_links.nodes,
                    baker->receiver_links.weights};
     for (size_t k = 0; k < sizeof all / sizeof *all; k++)

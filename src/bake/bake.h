@@ -98,7 +98,7 @@ typedef struct Baker {
     uint32_t *clusters, *sample_cluster, cluster_count; /* nodes; the cluster of each sample */
     double *response[3];
 
-    uint32_t *receiver_blocks, receiver_block_count; /* first receiver of each block, and one more */
+    uint32_t *receiver_runs, receiver_run_count; /* first receiver of each run of neighbours, and one more */
     LinkTable sample_links, receiver_links;
     ChiaroTransportInfo info;
 
@@ -119,9 +119,8 @@ ChiaroResult chiaro_bake_write(Baker *baker, ChiaroBlob *blob);
 /* --- patches.c --- */
 /* Leaf of a place on a triangle, CHIARO_NONE for a triangle without area. */
 uint32_t chiaro_patches_leaf(const Patches *patches, uint32_t triangle, float u, float v);
-/* A place on the patches of samples [first, first + count) from numbers in [0, 1). */
-void chiaro_patches_place(const Baker *baker, uint32_t first, uint32_t count, float pick, float u, float v, Vec3 *place,
-                          Vec3 *normal);
+/* A place on the patch of a sample from numbers in [0, 1). */
+void chiaro_patches_place(const Baker *baker, uint32_t sample, float pick, float u, float v, Vec3 *place, Vec3 *normal);
 /* Leaf of a direction into the sky. */
 uint32_t chiaro_sky_leaf(const Baker *baker, Vec3 direction);
 
@@ -162,9 +161,9 @@ void chiaro_row_scratch_destroy(RowScratch *scratch);
  * `plane`. Returns the number of entries. */
 uint32_t chiaro_row_trace(const Baker *baker, Vec3 place, Vec3 normal, Vec3 plane, uint32_t rays, uint32_t stream,
                           RowScratch *scratch, RowFacts *facts);
-/* The same for a run of samples: rays start all over their patches. */
-uint32_t chiaro_row_trace_samples(const Baker *baker, uint32_t first, uint32_t count, uint32_t rays, RowScratch *scratch,
-                                  RowFacts *facts);
+/* The same for a sample: rays start all over its patch. */
+uint32_t chiaro_row_trace_sample(const Baker *baker, uint32_t sample, uint32_t rays, RowScratch *scratch,
+                                 RowFacts *facts);
 
 /* --- training.c --- */
 /* Fills rows [leaf_count, node_count) of a nodes x columns table with the weighted means of the leaves' rows. */
@@ -173,7 +172,5 @@ void chiaro_bake_tree_sum(const Baker *baker, float *table, uint32_t columns);
 /* --- bake.c --- */
 /* For chiaro_parallel_for: tells the host how far the current stage is. */
 bool chiaro_bake_progress(float done, void *baker);
-/* Starts a stage that covers [begin, end] of the whole bake. */
-void chiaro_bake_stage(Baker *baker, const char *name, float begin, float end);
 
 #endif

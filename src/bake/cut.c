@@ -54,9 +54,7 @@ void chiaro_cut_destroy(Cut *cut)
 
 static void load_row(const CutTask *task, uint32_t columns, uint32_t node, float *row)
 {
-    const float *from = task->table + (size_t)node * columns;
-    for (uint32_t k = 0; k < task->column_count; k++)
-        row[k] = from[task->columns[k]] * task->column_scale[k];
+    chiaro_pick(task->table + (size_t)node * columns, task->columns, task->column_scale, task->column_count, row);
 }
 
 uint32_t chiaro_cut_place(const uint32_t *leaves, uint32_t count, uint32_t leaf)

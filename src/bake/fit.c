@@ -12,7 +12,7 @@
  */
 #include "fit.h"
 
-#include "../offline/random.h"
+#include "../core/random.h"
 #include "cut.h"
 #include "kernels.h"
 #include "linear.h"
@@ -57,7 +57,7 @@ typedef struct FitScratch {
     float *clusters;                  /* [cluster] */
     double *pattern;                  /* [pattern][row]: orthonormal */
     double *gram;                     /* rows x rows, of all */
-    double *own_gram, *vectors, *values; /* of the block: gram, and its largest eigenvectors */
+    double *own_gram, *vectors, *images, *values; /* of the block: gram, and its largest eigenvectors */
     double *system, *ridge;           /* nodes x nodes */
     double *prior;                    /* [pattern][node] */
     double *right;                    /* [pattern][node]: right sides, then weights */
@@ -111,6 +111,7 @@ bool chiaro_fitter_create(const FitTask *task, Fitter *fitter)
     s->gram = malloc(rows * rows * sizeof *s->gram);
     s->own_gram = malloc(rows * rows * sizeof *s->own_gram);
     s->vectors = malloc(2 * rank * rows * sizeof *s->vectors);
+    s->images = malloc(2 * rank * rows * sizeof *s->images);
     s->values = malloc(rows * sizeof *s->values);
     s->system = malloc(nodes * nodes * sizeof *s->system);
     s->ridge = malloc(nodes * sizeof *s->ridge);
@@ -122,8 +123,8 @@ bool chiaro_fitter_create(const FitTask *task, Fitter *fitter)
     ready = ready && chiaro_prune_create(&s->prune, baker, CHIARO_BLOCK_NODES, task->channels);
     return ready && s->columns && s->order && s->column_scale && s->level && s->chunk &&
            s->target && s->wanted && s->light && s->form && s->probes && s->clusters && s->pattern && s->gram &&
-           s->own_gram && s->vectors && s->values && s->system && s->ridge && s->prior && s->right && s->bound[0] && s->bound[1] &&
-           s->cut;
+           s->own_gram && s->vectors && s->images && s->values && s->system && s->ridge && s->prior && s->right &&
+           s->bound[0] && s->bound[1] && s->cut;
 }
 
 void chiaro_fitter_destroy(Fitter *fitter)
@@ -131,7 +132,8 @@ void chiaro_fitter_destroy(Fitter *fitter)
     FitScratch *s = fitter->scratch;
     if (s) {
         void *all[] = {s->columns, s->order, s->column_scale, s->level, s->chunk, s->target, s->wanted, s->light,
-                       s->form, s->probes, s->clusters, s->pattern, s->gram, s->own_gram, s->vectors, s->values, s->system,
+                       s->form, s->probes, s->clusters, s->pattern, s->gram, s->own_gram, s->vectors, s->images, s->values,
+                       s->system,
                        s->ridge, s->prior, s->right, s->bound[0], s->bound[1]};
         for (size_t k = 0; k < sizeof all / sizeof *all; k++)
             free(all[k]);
@@ -224,8 +226,7 @@ static double column_energy(const FitScratch *s, uint32_t k)
 
 static void load_light(const FitScratch *s, const float *table_row, uint32_t first, uint32_t count, float *out)
 {
-    for (uint32_t k = 0; k < count; k++)
-        out[k] = table_row[s->columns[first + k]] * s->column_scale[first + k];
+    chiaro_pick(table_row, s->columns + first, s->column_scale + first, count, out);
 }
 
 /* Irradiance of the rows under the columns that count. */
@@ -356,7 +357,7 @@ static uint32_t choose_patterns(FitScratch *s, uint32_t most, double *lost)
     uint32_t wanted = most - count < n ? most - count : n;
     for (uint32_t i = 0; i < n; i++)
         *lost += s->own_gram[(size_t)i * n + i];
-    chiaro_symmetric_largest(s->own_gram, n, wanted, s->vectors, s->values);
+    chiaro_symmetric_largest(s->own_gram, n, wanted, s->vectors, s->images, s->values);
     for (uint32_t k = 0; k < wanted && s->values[k] > LEAST_PATTERN * all; k++) {
         memcpy(s->pattern + (size_t)count * n, s->vectors + (size_t)k * n, n * sizeof *s->pattern);
         count += orthonormalize(s->pattern, count, n);

@@ -1,4 +1,4 @@
-/* The two loops that the baker spends its time in. */
+/* The loops that the baker spends its time in. */
 #include "kernels.h"
 
 /* Clang 14 does not export the dispatcher that target_clones makes; there the baseline has to do. */
@@ -26,4 +26,10 @@ WIDE void chiaro_axpy(float *restrict y, float s, const float *restrict x, size_
 {
     for (size_t i = 0; i < n; i++)
         y[i] += s * x[i];
+}
+
+void chiaro_pick(const float *row, const uint32_t *columns, const float *scale, size_t n, float *out)
+{
+    for (size_t i = 0; i < n; i++)
+        out[i] = row[columns[i]] * scale[i];
 }

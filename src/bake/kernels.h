@@ -1,8 +1,9 @@
-/* The two loops that the baker spends its time in. Sixteen fixed lanes, so that any vector width gives the same bits. */
+/* The loops that the baker spends its time in. Sixteen fixed lanes, so that any vector width gives the same bits. */
 #ifndef CHIARO_KERNELS_H
 #define CHIARO_KERNELS_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 enum { CHIARO_LANES = 16 };
 
@@ -10,5 +11,7 @@ enum { CHIARO_LANES = 16 };
 float chiaro_dot(const float *a, const float *b, size_t n);
 /* y[i] += s * x[i]; n is a multiple of CHIARO_LANES. */
 void chiaro_axpy(float *restrict y, float s, const float *restrict x, size_t n);
+/* out[i] = row[columns[i]] * scale[i]. */
+void chiaro_pick(const float *row, const uint32_t *columns, const float *scale, size_t n, float *out);
 
 #endif

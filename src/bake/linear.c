@@ -169,38 +169,35 @@ static void multiply(const double *a, const double *rows, uint32_t count, uint32
     }
 }
 
-void chiaro_symmetric_largest(const double *a, uint32_t n, uint32_t count, double *vectors, double *values)
+void chiaro_symmetric_largest(const double *a, uint32_t n, uint32_t count, double *vectors, double *images,
+                              double *values)
 {
     uint32_t width = 2 * count < SUBSPACE_MOST ? 2 * count : SUBSPACE_MOST;
     double small[SUBSPACE_MOST * SUBSPACE_MOST], mix[SUBSPACE_MOST * SUBSPACE_MOST], size[SUBSPACE_MOST];
     width = width < n ? width : n;
-    double *image = malloc(((size_t)width * n + 1) * sizeof *image);
     memset(values, 0, n * sizeof *values);
     memset(vectors, 0, (size_t)count * n * sizeof *vectors);
-    if (!image)
-        return;
     /* Any start will do that is across nothing: rows of the matrix, evenly spread. */
     for (uint32_t i = 0; i < width; i++)
         memcpy(vectors + (size_t)i * n, a + (size_t)(((uint64_t)i * n) / width) * n, n * sizeof *vectors);
     for (uint32_t round = 0; round < SUBSPACE_ROUNDS; round++) {
         orthonormalize_rows(vectors, width, n);
-        multiply(a, vectors, width, n, image);
+        multiply(a, vectors, width, n, images);
         if (round + 1 < SUBSPACE_ROUNDS)
-            memcpy(vectors, image, (size_t)width * n * sizeof *vectors);
+            memcpy(vectors, images, (size_t)width * n * sizeof *vectors);
     }
     for (uint32_t i = 0; i < width; i++) {
         for (uint32_t j = 0; j < width; j++)
-            small[i * width + j] = dot(vectors + (size_t)i * n, image + (size_t)j * n, n);
+            small[i * width + j] = dot(vectors + (size_t)i * n, images + (size_t)j * n, n);
     }
     eigen(small, width, mix, size);
-    memset(image, 0, (size_t)width * n * sizeof *image);
+    memset(images, 0, (size_t)width * n * sizeof *images);
     for (uint32_t i = 0; i < count && i < width; i++) {
         values[i] = size[i];
         for (uint32_t j = 0; j < width; j++) {
             for (uint32_t k = 0; k < n; k++)
-                image[(size_t)i * n + k] += mix[i * width + j] * vectors[(size_t)j * n + k];
+                images[(size_t)i * n + k] += mix[i * width + j] * vectors[(size_t)j * n + k];
         }
     }
-    memcpy(vectors, image, (size_t)(count < width ? count : width) * n * sizeof *vectors);
-    free(image);
+    memcpy(vectors, images, (size_t)(count < width ? count : width) * n * sizeof *vectors);
 }

@@ -16,8 +16,9 @@ void chiaro_cholesky(double *a, uint32_t n);
 void chiaro_cholesky_solve(const double *factor, uint32_t n, double *b);
 
 /* The `count` largest eigenvectors of a symmetric matrix without negative eigenvalues, as rows of `vectors`, the largest
- * first, by subspace iteration; good to about a percent of the first one's value. `vectors` has room for twice as many.
- * Their values go to `values`, which has room for n. */
-void chiaro_symmetric_largest(const double *a, uint32_t n, uint32_t count, double *vectors, double *values);
+ * first, by subspace iteration; good to about a percent of the first one's value. `vectors` and `images` have room for
+ * twice as many; the second is scratch. Their values go to `values`, which has room for n. */
+void chiaro_symmetric_largest(const double *a, uint32_t n, uint32_t count, double *vectors, double *images,
+                              double *values);
 
 #endif

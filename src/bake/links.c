@@ -4,7 +4,6 @@
  * gather from what the samples carry. Receivers are fitted to the exact solution but fed with what the samples' links
  * give, so they also make up for what those lose.
  */
-#include "../core/transport.h"
 #include "../offline/parallel.h"
 #include "fit.h"
 #include "kernels.h"
@@ -266,7 +265,7 @@ static void worker_destroy(Worker *worker)
 }
 
 /* Fits `count` runs of rows. `error`: relRMSE over the training lights; `cost`: multiply-adds a row and channel. */
-static ChiaroResult run(Baker *baker, const FitTask *task, const uint32_t *begin, uint32_t count, ChiaroRangeFunc body,
+static ChiaroResult fit_runs(Baker *baker, const FitTask *task, const uint32_t *begin, uint32_t count, ChiaroRangeFunc body,
                         LinkTable *table, float *error, float *cost)
 {
     uint32_t threads = baker->desc.threads, ready = 0;
@@ -324,7 +323,7 @@ ChiaroResult chiaro_bake_sample_links(Baker *baker)
     for (uint32_t s = baker->sample_count; s < baker->leaf_count; s++)
         memcpy(baker->carried + (size_t)s * columns, baker->direct + (size_t)s * columns, columns * sizeof *baker->carried);
     FitTask task = {baker, baker->direct, baker->direct, baker->desc.links, baker->grey ? 1 : 3, SAMPLE_TOLERANCE, true};
-    ChiaroResult result = run(baker, &task, begin, count, link_samples, &baker->sample_links,
+    ChiaroResult result = fit_runs(baker, &task, begin, count, link_samples, &baker->sample_links,
                               &baker->info.sample_fit_error, &baker->info.sample_links);
     free(begin);
     if (result == CHIARO_OK)
@@ -335,6 +334,6 @@ ChiaroResult chiaro_bake_sample_links(Baker *baker)
 ChiaroResult chiaro_bake_receiver_links(Baker *baker)
 {
     FitTask task = {baker, baker->total, baker->carried, baker->desc.links, 1, RECEIVER_TOLERANCE, false};
-    return run(baker, &task, baker->receiver_blocks, baker->receiver_block_count, link_receivers, &baker->receiver_links,
+    return fit_runs(baker, &task, baker->receiver_runs, baker->receiver_run_count, link_receivers, &baker->receiver_links,
                &baker->info.fit_error, &baker->info.receiver_links);
 }

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../offline/random.h"
+#include "../core/random.h"
 
 typedef struct Map {
     uint64_t *keys;   /* key + 1; 0: free */

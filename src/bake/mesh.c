@@ -13,7 +13,7 @@
 #include "chiaro_shared.h"
 #include "map.h"
 
-enum { SIZING_RAYS = 32, MAX_ROUNDS = 24, BISECTIONS = 8, USUAL_BLOCK = 150 /* rows of a block of links */ };
+enum { SIZING_RAYS = 32, MAX_ROUNDS = 24, BISECTIONS = 8, USUAL_RUN = 150 /* receivers whose links are fitted together */ };
 
 /* Edge length wanted: this part of the free path there, within limits that follow the number of receivers. */
 static const float EDGE_PART_OF_FREE_PATH = 0.35f, SHORTEST_EDGE = 0.4f, LONGEST_EDGE = 1.5f;
@@ -441,23 +441,23 @@ static void move_outside(Receivers *receivers)
     }
 }
 
-/* Orders the receivers so that neighbours that look the same way follow each other, and cuts them into blocks.
+/* Orders the receivers so that neighbours that look the same way follow each other, and cuts them into runs.
  * `order` receives the draft of each. */
-static bool deal_blocks(const Receivers *receivers, uint32_t *order)
+static bool deal_runs(const Receivers *receivers, uint32_t *order)
 {
     Baker *baker = receivers->mesh->baker;
     uint32_t n = receivers->count;
     ClusterTree tree;
     ClusterItem *items = calloc(n, sizeof *items);
-    baker->receiver_blocks = malloc(((size_t)n + 1) * sizeof *baker->receiver_blocks);
-    /* A quarter turn parts two receivers like two edges of a block. */
-    float turn = 2 * sqrtf(USUAL_BLOCK) * receivers->mesh->unit;
+    baker->receiver_runs = malloc(((size_t)n + 1) * sizeof *baker->receiver_runs);
+    /* A quarter turn parts two receivers like two edges of a run. */
+    float turn = 2 * sqrtf(USUAL_RUN) * receivers->mesh->unit;
     for (uint32_t r = 0; items && r < n; r++) {
         const Draft *draft = &receivers->drafts[r];
         Vec3 normal = vec3_scale(draft->normal, turn);
         items[r] = (ClusterItem){{draft->place.x, draft->place.y, draft->place.z, normal.x, normal.y, normal.z}, 1};
     }
-    if (!items || !baker->receiver_blocks || !chiaro_cluster(items, n, (n + USUAL_BLOCK - 1) / USUAL_BLOCK, NULL, NULL, &tree)) {
+    if (!items || !baker->receiver_runs || !chiaro_cluster(items, n, (n + USUAL_RUN - 1) / USUAL_RUN, NULL, NULL, &tree)) {
         free(items);
         return false;
     }
@@ -467,16 +467,16 @@ static bool deal_blocks(const Receivers *receivers, uint32_t *order)
         const ClusterNode *node = &tree.nodes[k];
         uint32_t pieces = (node->count + CHIARO_BLOCK_ROWS - 1) / CHIARO_BLOCK_ROWS;
         for (uint32_t piece = 0; node->left == CHIARO_NONE && piece < pieces; piece++)
-            baker->receiver_blocks[count++] = node->first + (uint32_t)((uint64_t)node->count * piece / pieces);
+            baker->receiver_runs[count++] = node->first + (uint32_t)((uint64_t)node->count * piece / pieces);
     }
-    baker->receiver_blocks[count] = n;
-    baker->receiver_block_count = count;
+    baker->receiver_runs[count] = n;
+    baker->receiver_run_count = count;
     chiaro_cluster_free(&tree);
     free(items);
     return true;
 }
 
-/* Hands the mesh over to the baker, triangles grouped by part, receivers block by block. */
+/* Hands the mesh over to the baker, triangles grouped by part, receivers run by run. */
 static bool finish(Receivers *receivers)
 {
     Mesh *mesh = receivers->mesh;
@@ -488,7 +488,7 @@ static bool finish(Receivers *receivers)
     baker->receivers = calloc(n, sizeof *baker->receivers);
     baker->receiver_plane = malloc(n * sizeof *baker->receiver_plane);
     if (!renamed || !order || !baker->parts || !baker->indices || !baker->receivers || !baker->receiver_plane ||
-        !deal_blocks(receivers, order)) {
+        !deal_runs(receivers, order)) {
         free(renamed);
         free(order);
         return false;

@@ -8,7 +8,7 @@
 #include "../core/cube.h"
 #include "../core/log.h"
 #include "../offline/parallel.h"
-#include "../offline/random.h"
+#include "../core/random.h"
 #include "bake.h"
 #include "chiaro_shared.h"
 
@@ -555,11 +555,10 @@ static ChiaroResult number_leaves(Baker *baker, const ClusterItem *items, const 
     return CHIARO_OK;
 }
 
-void chiaro_patches_place(const Baker *baker, uint32_t first, uint32_t count, float pick, float u, float v, Vec3 *place,
-                          Vec3 *normal)
+void chiaro_patches_place(const Baker *baker, uint32_t sample, float pick, float u, float v, Vec3 *place, Vec3 *normal)
 {
     const Patches *p = &baker->patches;
-    uint32_t low = p->leaf_first[first], high = p->leaf_first[first + count];
+    uint32_t low = p->leaf_first[sample], high = p->leaf_first[sample + 1];
     double begin = p->leaf_cumulative[low], wanted = begin + pick * (p->leaf_cumulative[high] - begin);
     while (high - low > 1) {
         uint32_t middle = low + (high - low) / 2;

@@ -9,7 +9,7 @@
  * The same rays tell the cavity colour and the bent normal (article: "Cavity shading", "Bended normals").
  */
 #include "../offline/parallel.h"
-#include "../offline/random.h"
+#include "../core/random.h"
 #include "bake.h"
 
 #include <stdlib.h>
@@ -164,11 +164,10 @@ uint32_t chiaro_row_trace(const Baker *baker, Vec3 place, Vec3 normal, Vec3 plan
     return finish(&gather, rays, facts);
 }
 
-uint32_t chiaro_row_trace_samples(const Baker *baker, uint32_t first, uint32_t count, uint32_t rays, RowScratch *row,
-                                  RowFacts *facts)
+uint32_t chiaro_row_trace_sample(const Baker *baker, uint32_t sample, uint32_t rays, RowScratch *row, RowFacts *facts)
 {
     Gather gather = {.row = row};
-    ChiaroRandom random = chiaro_random_seed(baker->desc.seed, (uint64_t)count << 34 | first);
+    ChiaroRandom random = chiaro_random_seed(baker->desc.seed, (uint64_t)1 << 34 | sample);
     uint32_t s[5];
     for (int k = 0; k < 5; k++)
         s[k] = chiaro_random_bits(&random);
@@ -176,7 +175,7 @@ uint32_t chiaro_row_trace_samples(const Baker *baker, uint32_t first, uint32_t c
         /* Places and directions come from the same sequence, so one of them runs through it in another order. */
         uint32_t j = shuffled(i, s[4]);
         Vec3 place, normal;
-        chiaro_patches_place(baker, first, count, unit_float(sobol_first(j) ^ s[0]), unit_float(sobol_second(j) ^ s[1]),
+        chiaro_patches_place(baker, sample, unit_float(sobol_first(j) ^ s[0]), unit_float(sobol_second(j) ^ s[1]),
                              chiaro_random_float(&random), &place, &normal);
         Vec3 direction = vec3_cosine_direction(normal, unit_float(sobol_first(i) ^ s[2]),
                                                unit_float(sobol_second(i) ^ s[3]));
@@ -201,7 +200,7 @@ static void trace_samples(uint32_t begin, uint32_t end, uint32_t thread, void *u
     for (uint32_t k = begin; k < end; k++) {
         RowFacts facts;
         RowScratch *row = &job->scratch[thread];
-        uint32_t count = chiaro_row_trace_samples(job->baker, job->begin + k, 1, job->rays, row, &facts);
+        uint32_t count = chiaro_row_trace_sample(job->baker, job->begin + k, job->rays, row, &facts);
         job->entry_counts[k] = count;
         memcpy(job->entries + (size_t)k * job->rays, row->entries, count * sizeof *row->entries);
     }

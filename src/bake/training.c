@@ -6,7 +6,7 @@
  */
 #include "../core/samples.h"
 #include "../offline/parallel.h"
-#include "../offline/random.h"
+#include "../core/random.h"
 #include "bake.h"
 #include "kernels.h"
 
@@ -29,7 +29,7 @@ static bool free_place(const Baker *baker, ChiaroRandom *random, float *position
     uint32_t sample = (uint32_t)(chiaro_random_float(random) * (float)baker->sample_count);
     float pick = chiaro_random_float(random), u = chiaro_random_float(random), v = chiaro_random_float(random);
     Vec3 place, normal;
-    chiaro_patches_place(baker, sample, 1, pick, u, v, &place, &normal);
+    chiaro_patches_place(baker, sample, pick, u, v, &place, &normal);
     float a = chiaro_random_float(random), b = chiaro_random_float(random), along = chiaro_random_float(random);
     Vec3 direction = vec3_cosine_direction(normal, a, b);
     Vec3 origin = vec3_mad(place, normal, chiaro_rays_epsilon(baker->rays));

@@ -9,6 +9,7 @@
  * of seed, tick, kind and object. So the order of objects, slices and threads cannot be seen in the result.
  */
 #include "chiaro/chiaro_neighbours.h"
+#include "random.h"
 #include "vec.h"
 
 #include <float.h>
@@ -35,29 +36,15 @@ typedef struct List {
  * Random numbers
  */
 
-typedef struct Random {
-    uint64_t state;
-} Random;
-
-/* SplitMix64 (Steele, Lea, Flood 2014). */
-static uint64_t mix(uint64_t z)
+static ChiaroRandom random_start(uint32_t seed, uint64_t tick, uint32_t kind, uint32_t object)
 {
-    z += 0x9e3779b97f4a7c15u;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return z ^ (z >> 31);
-}
-
-static Random random_start(uint32_t seed, uint64_t tick, uint32_t kind, uint32_t object)
-{
-    return (Random){mix(mix(mix(seed) ^ tick) ^ ((uint64_t)kind << 32 | object))};
+    return chiaro_random_seed(chiaro_random_mix(seed) ^ tick, (uint64_t)kind << 32 | object);
 }
 
 /* Uniform in [0, count); 0 for nothing. */
-static uint32_t random_below(Random *random, uint32_t count)
+static uint32_t random_below(ChiaroRandom *random, uint32_t count)
 {
-    random->state += 0x9e3779b97f4a7c15u;
-    return (uint32_t)((mix(random->state) >> 32) * count >> 32);
+    return (uint32_t)((uint64_t)chiaro_random_bits(random) * count >> 32);
 }
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -292,7 +279,7 @@ static void compare(const Slice *slice, uint32_t self, List *list, uint32_t cand
 
 /* A random neighbour of a random neighbour, of those that are not known yet: most are, once the lists are good. Of
  * nobody's neighbours: CHIARO_NONE. */
-static uint32_t pick_friend(const Slice *slice, uint32_t self, const List *list, Random *random)
+static uint32_t pick_friend(const Slice *slice, uint32_t self, const List *list, ChiaroRandom *random)
 {
     if (!list->count)
         return CHIARO_NONE;
@@ -310,7 +297,7 @@ static uint32_t pick_friend(const Slice *slice, uint32_t self, const List *list,
 static void update_list(const Slice *slice, uint32_t self, List *list)
 {
     const ChiaroNeighbours *n = slice->neighbours;
-    Random random = random_start(n->desc.seed, n->tick, slice->kind, self);
+    ChiaroRandom random = random_start(n->desc.seed, n->tick, slice->kind, self);
     for (uint32_t i = list->count; i-- > 0;) {
         if (!is_alive(slice, list->entries[i].object))
             take_out(list, i);

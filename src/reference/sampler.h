@@ -5,7 +5,7 @@
 #ifndef CHIARO_SAMPLER_H
 #define CHIARO_SAMPLER_H
 
-#include "../offline/random.h"
+#include "../core/random.h"
 
 #define SAMPLER_STRATIFIED_PAIRS 16u
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "../../src/core/cube.h"
-#include "../../src/offline/random.h"
+#include "../../src/core/random.h"
 #include "chiaro_shared.h"
 
 /* Arrays under construction: the transport's own pointers are to const. */
