@@ -125,11 +125,13 @@ void chiaro_patches_place(const Baker *baker, uint32_t sample, float pick, float
 uint32_t chiaro_sky_leaf(const Baker *baker, Vec3 direction);
 
 /* --- cluster.c --- */
-/* A cloud of weighted things with features, cut into a binary tree of groups of about equal weight. */
-enum { CLUSTER_FEATURES = 10 };
+/* A cloud of weighted things, cut into a binary tree of groups. Features say how alike two things are; the first of them are
+ * their places. */
+enum { CLUSTER_PLACE = 4, CLUSTER_FEATURES = 10 };
 typedef struct ClusterItem {
     float feature[CLUSTER_FEATURES];
-    float weight;
+    float weight; /* groups are to be about equally heavy ... */
+    float unit;   /* ... and not much larger than this */
 } ClusterItem;
 typedef struct ClusterNode {
     uint32_t first, count; /* run of `order` */
@@ -144,8 +146,8 @@ typedef struct ClusterTree {
 /* What does not belong together in a group, however alike it is: moves the items of a run that go left to its front and
  * returns their number; 0: the group is good as it is. */
 typedef uint32_t (*ClusterSplit)(uint32_t *order, uint32_t count, void *user);
-/* At most `leaves` groups, and those that `split` (may be NULL) makes of them. */
-bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, ClusterSplit split, void *user,
+/* At most `leaves` groups; then more, until none has more than `most` items; then those that `split` (may be NULL) makes. */
+bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, uint32_t most, ClusterSplit split, void *user,
                     ClusterTree *tree);
 void chiaro_cluster_free(ClusterTree *tree);
 

@@ -1,27 +1,34 @@
-/* Clustering: a cloud of weighted items is cut in two again and again, each time where the two halves are least alike.
+/* Clustering: a cloud of weighted items is cut in two again and again, always the group that asks for it most, and there
+ * where the two halves are least alike.
  *
- * This makes the tree of the hierarchical BRDF: items that share place, direction and colour stay together, and the number
- * of groups is dealt out by weight, so that all groups end about equally heavy. Cuts are found on 32 bins an axis.
+ * This makes the tree of the hierarchical BRDF: items that share place, direction and colour stay together. A group asks by
+ * its weight, so that groups end about equally heavy, and by how far apart its items lie: no group holds what lies in two
+ * rooms because the groups were used up elsewhere. Cuts are found on 32 bins an axis.
  */
 #include "bake.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { BINS = 32 };
+enum { BINS = 32, PROBES = 4096 /* of a long run: they tell where to cut it */ };
 
 typedef struct Moments {
     double weight, sum[CLUSTER_FEATURES], square;
     uint32_t count;
 } Moments;
 
+typedef struct Group {
+    uint32_t first, count, left, right; /* CHIARO_NONE: not cut */
+    double claim; /* to be cut; 0: nothing to cut */
+} Group;
+
 typedef struct Builder {
     const ClusterItem *items;
     ClusterTree *tree;
     uint32_t *scratch;
-    ClusterSplit split;
-    void *user;
-    uint32_t capacity; /* of the tree's nodes */
+    Group *groups;
+    uint32_t *heap; /* groups that are not cut, the largest claim on top */
+    uint32_t group_count, heap_count, capacity;
     bool failed;
 } Builder;
 
@@ -42,7 +49,7 @@ static double moments_spread(const Moments *m)
     double mean_square = 0;
     for (int f = 0; f < CLUSTER_FEATURES; f++)
         mean_square += m->sum[f] * m->sum[f];
-    return m->square - mean_square / m->weight;
+    return fmax(0, m->square - mean_square / m->weight);
 }
 
 static uint32_t bin_of(float value, float low, float high)
@@ -51,27 +58,15 @@ static uint32_t bin_of(float value, float low, float high)
     return x < 0 ? 0 : x >= BINS ? BINS - 1 : (uint32_t)x;
 }
 
-/* Leaves for the left side: its share by weight, at least one a side and never more than there are items. */
-static uint32_t deal(uint32_t leaves, double left_weight, double weight, uint32_t left_count, uint32_t right_count)
-{
-    double share = weight > 0 ? left_weight / weight : (double)left_count / (left_count + right_count);
-    uint32_t left = (uint32_t)(share * leaves + 0.5);
-    left = left < 1 ? 1 : left > leaves - 1 ? leaves - 1 : left;
-    left = left > left_count ? left_count : left;
-    if (leaves - left > right_count)
-        left = leaves - right_count;
-    return left;
-}
-
 /* Finds the best cut of a run: axis and bin after which to cut. False if nothing tells the items apart. */
-static bool find_cut(const Builder *builder, uint32_t first, uint32_t count, uint32_t leaves, int *best_axis,
-                     uint32_t *best_bin, float *best_low, float *best_high)
+static bool find_cut(const Builder *builder, uint32_t first, uint32_t count, int *best_axis, uint32_t *best_bin,
+                     float *best_low, float *best_high)
 {
-    const uint32_t *order = builder->tree->order;
+    const uint32_t *order = builder->tree->order, step = count < 2 * PROBES ? 1 : count / PROBES;
     double best = INFINITY;
     for (int axis = 0; axis < CLUSTER_FEATURES; axis++) {
         float low = INFINITY, high = -INFINITY;
-        for (uint32_t i = first; i < first + count; i++) {
+        for (uint32_t i = first; i < first + count; i += step) {
             float f = builder->items[order[i]].feature[axis];
             low = fminf(low, f), high = fmaxf(high, f);
         }
@@ -79,7 +74,7 @@ static bool find_cut(const Builder *builder, uint32_t first, uint32_t count, uin
             continue;
         Moments bins[BINS], left, total;
         memset(bins, 0, sizeof bins);
-        for (uint32_t i = first; i < first + count; i++) {
+        for (uint32_t i = first; i < first + count; i += step) {
             const ClusterItem *item = &builder->items[order[i]];
             Moments *bin = &bins[bin_of(item->feature[axis], low, high)];
             double w = item->weight;
@@ -100,10 +95,7 @@ static bool find_cut(const Builder *builder, uint32_t first, uint32_t count, uin
             right.weight -= left.weight, right.square -= left.square, right.count -= left.count;
             for (int f = 0; f < CLUSTER_FEATURES; f++)
                 right.sum[f] -= left.sum[f];
-            uint32_t n = deal(leaves, left.weight, total.weight, left.count, right.count);
-            /* Spread falls as 1 / groups when a surface is cut further, so this is what each side will have in the end.
-             * It also keeps the groups even, since a heavy side with few leaves costs more. */
-            double cost = moments_spread(&left) / n + moments_spread(&right) / (leaves - n);
+            double cost = moments_spread(&left) + moments_spread(&right);
             if (cost < best)
                 best = cost, *best_axis = axis, *best_bin = b, *best_low = low, *best_high = high;
         }
@@ -111,100 +103,175 @@ static bool find_cut(const Builder *builder, uint32_t first, uint32_t count, uin
     return best < INFINITY;
 }
 
-/* A new node; its number. */
-static uint32_t add_node(Builder *builder)
+/* Weight times (that of a square of one unit, plus the mean squared distance in units). */
+static double claim_of(const Builder *builder, uint32_t first, uint32_t count)
 {
-    ClusterTree *tree = builder->tree;
-    if (tree->node_count == builder->capacity) {
-        ClusterNode *grown = realloc(tree->nodes, 2 * (size_t)builder->capacity * sizeof *grown);
-        if (!grown) {
+    const uint32_t *order = builder->tree->order;
+    const ClusterItem *origin = &builder->items[order[first]];
+    double weight = 0, unit = 0, sum[CLUSTER_PLACE] = {0}, spread = 0;
+    bool alike = true;
+    for (uint32_t i = first; i < first + count; i++) {
+        const ClusterItem *item = &builder->items[order[i]];
+        weight += item->weight, unit += (double)item->weight * item->unit;
+        alike = alike && memcmp(item->feature, origin->feature, sizeof item->feature) == 0;
+        for (int f = 0; f < CLUSTER_PLACE; f++) { /* about one of them: distances are small against the coordinates */
+            double x = (double)item->feature[f] - origin->feature[f];
+            sum[f] += item->weight * x, spread += item->weight * x * x;
+        }
+    }
+    if (alike || !(weight > 0))
+        return 0;
+    for (int f = 0; f < CLUSTER_PLACE; f++)
+        spread -= sum[f] * sum[f] / weight;
+    unit /= weight;
+    return weight / 6 + fmax(0, spread) / (unit * unit);
+}
+
+/* True if group a comes before group b: the order is total, so that the tree does not depend on the heap's ways. */
+static bool before(const Builder *builder, uint32_t a, uint32_t b)
+{
+    double x = builder->groups[a].claim, y = builder->groups[b].claim;
+    return x > y || (x == y && a < b);
+}
+
+static void push(Builder *builder, uint32_t group)
+{
+    uint32_t k = builder->heap_count++;
+    for (; k > 0 && before(builder, group, builder->heap[(k - 1) / 2]); k = (k - 1) / 2)
+        builder->heap[k] = builder->heap[(k - 1) / 2];
+    builder->heap[k] = group;
+}
+
+static uint32_t pop(Builder *builder)
+{
+    uint32_t top = builder->heap[0], last = builder->heap[--builder->heap_count], k = 0;
+    for (;;) {
+        uint32_t child = 2 * k + 1;
+        if (child + 1 < builder->heap_count && before(builder, builder->heap[child + 1], builder->heap[child]))
+            child++;
+        if (child >= builder->heap_count || !before(builder, builder->heap[child], last))
+            break;
+        builder->heap[k] = builder->heap[child], k = child;
+    }
+    builder->heap[k] = last;
+    return top;
+}
+
+static uint32_t add_group(Builder *builder, uint32_t first, uint32_t count)
+{
+    if (builder->group_count == builder->capacity) {
+        size_t wanted = 2 * (size_t)builder->capacity;
+        Group *groups = realloc(builder->groups, wanted * sizeof *groups);
+        builder->groups = groups ? groups : builder->groups;
+        uint32_t *heap = groups ? realloc(builder->heap, wanted * sizeof *heap) : NULL;
+        builder->heap = heap ? heap : builder->heap;
+        if (!groups || !heap) {
             builder->failed = true;
-            return 0;
+            return CHIARO_NONE;
         }
-        tree->nodes = grown, builder->capacity *= 2;
+        builder->capacity = (uint32_t)wanted;
     }
-    return tree->node_count++;
+    builder->groups[builder->group_count] = (Group){first, count, CHIARO_NONE, CHIARO_NONE, claim_of(builder, first, count)};
+    return builder->group_count++;
 }
 
-/* Cuts a run where find_cut() says; returns how many items go left, and their leaves. */
-static uint32_t cut_run(Builder *builder, uint32_t first, uint32_t count, uint32_t leaves, uint32_t *left_leaves)
+/* Cuts a run where find_cut() says; returns how many items go left. */
+static uint32_t cut_run(Builder *builder, uint32_t first, uint32_t count)
 {
-    ClusterTree *tree = builder->tree;
+    uint32_t *order = builder->tree->order, bin = 0, left = 0, right = 0;
     int axis = 0;
-    uint32_t bin = 0, left_count = 0, right_count = 0;
     float low = 0, high = 1;
-    double left_weight = 0, weight = 0;
-    if (find_cut(builder, first, count, leaves, &axis, &bin, &low, &high)) {
-        for (uint32_t i = first; i < first + count; i++) {
-            uint32_t item = tree->order[i];
-            const ClusterItem *it = &builder->items[item];
-            weight += it->weight;
-            if (bin_of(it->feature[axis], low, high) <= bin)
-                tree->order[first + left_count++] = item, left_weight += it->weight;
-            else
-                builder->scratch[right_count++] = item;
-        }
-        memcpy(tree->order + first + left_count, builder->scratch, right_count * sizeof *tree->order);
-    } else {
-        left_count = count / 2, right_count = count - left_count;
-        for (uint32_t i = first; i < first + count; i++) {
-            weight += builder->items[tree->order[i]].weight;
-            if (i < first + left_count)
-                left_weight = weight;
-        }
+    if (!find_cut(builder, first, count, &axis, &bin, &low, &high))
+        return count / 2;
+    for (uint32_t i = first; i < first + count; i++) {
+        uint32_t item = order[i];
+        if (bin_of(builder->items[item].feature[axis], low, high) <= bin)
+            order[first + left++] = item;
+        else
+            builder->scratch[right++] = item;
     }
-    *left_leaves = deal(leaves, left_weight, weight, left_count, right_count);
-    return left_count;
+    memcpy(order + first + left, builder->scratch, right * sizeof *order);
+    return left;
 }
 
-static void build(Builder *builder, uint32_t index, uint32_t first, uint32_t count, uint32_t leaves)
+/* Makes two groups of one, the first `left` items and the rest. */
+static void part_group(Builder *builder, uint32_t index, uint32_t left)
+{
+    Group group = builder->groups[index];
+    uint32_t a = add_group(builder, group.first, left);
+    uint32_t b = builder->failed ? CHIARO_NONE : add_group(builder, group.first + left, group.count - left);
+    if (builder->failed)
+        return;
+    builder->groups[index].left = a, builder->groups[index].right = b;
+    push(builder, a);
+    push(builder, b);
+}
+
+/* Cuts the group that asks for it most, until there are `leaves` of them; then those that are too large; then those in
+ * which `split` finds what does not belong together. */
+static void build(Builder *builder, uint32_t leaves, uint32_t most, ClusterSplit split, void *user)
+{
+    uint32_t *order = builder->tree->order;
+    while (!builder->failed && builder->heap_count < leaves && builder->groups[builder->heap[0]].claim > 0) {
+        uint32_t index = pop(builder);
+        part_group(builder, index, cut_run(builder, builder->groups[index].first, builder->groups[index].count));
+    }
+    for (uint32_t index = 0; !builder->failed && index < builder->group_count; index++) {
+        Group group = builder->groups[index];
+        if (group.left != CHIARO_NONE)
+            continue;
+        uint32_t left = 0;
+        if (group.count > most)
+            left = cut_run(builder, group.first, group.count);
+        else if (split && group.count > 1)
+            left = split(order + group.first, group.count, user);
+        if (left > 0 && left < group.count)
+            part_group(builder, index, left);
+    }
+}
+
+/* Groups become nodes in depth-first order. Returns the number of the group's node. */
+static uint32_t number(const Builder *builder, uint32_t index)
 {
     ClusterTree *tree = builder->tree;
-    uint32_t left_count = 0, left_leaves = 1;
-    leaves = leaves > count ? count : leaves;
-    tree->nodes[index] = (ClusterNode){first, count, CHIARO_NONE, CHIARO_NONE, tree->leaf_count, leaves};
-    if (leaves > 1) {
-        left_count = cut_run(builder, first, count, leaves, &left_leaves);
-    } else {
-        left_count = builder->split && count > 1 ? builder->split(tree->order + first, count, builder->user) : 0;
-        leaves = 2;
-        if (left_count == 0 || left_count == count) {
-            tree->nodes[index].leaf_count = 1;
-            tree->leaf_count++;
-            return;
-        }
+    const Group *group = &builder->groups[index];
+    uint32_t own = tree->node_count++;
+    ClusterNode *node = &tree->nodes[own];
+    *node = (ClusterNode){group->first, group->count, CHIARO_NONE, CHIARO_NONE, tree->leaf_count, 1};
+    if (group->left == CHIARO_NONE) {
+        tree->leaf_count++;
+        return own;
     }
-    uint32_t left = add_node(builder);
-    if (builder->failed)
-        return;
-    tree->nodes[index].left = left;
-    build(builder, left, first, left_count, left_leaves);
-    uint32_t right = add_node(builder);
-    if (builder->failed)
-        return;
-    tree->nodes[index].right = right;
-    build(builder, right, first + left_count, count - left_count, leaves - left_leaves);
-    tree->nodes[index].leaf_count = tree->leaf_count - tree->nodes[index].leaf_first;
+    node->left = number(builder, group->left);
+    node->right = number(builder, group->right);
+    node->leaf_count = tree->leaf_count - node->leaf_first;
+    return own;
 }
 
-bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, ClusterSplit split, void *user,
+bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, uint32_t most, ClusterSplit split, void *user,
                     ClusterTree *tree)
 {
     memset(tree, 0, sizeof *tree);
     leaves = leaves < 1 ? 1 : leaves > count ? count : leaves;
-    Builder builder = {.items = items, .tree = tree, .split = split, .user = user, .capacity = 2 * leaves};
+    Builder builder = {.items = items, .tree = tree, .capacity = 2 * leaves};
     builder.scratch = malloc(count * sizeof *builder.scratch);
+    builder.groups = malloc((size_t)builder.capacity * sizeof *builder.groups);
+    builder.heap = malloc((size_t)builder.capacity * sizeof *builder.heap);
     tree->order = malloc(count * sizeof *tree->order);
-    tree->nodes = malloc((size_t)builder.capacity * sizeof *tree->nodes);
-    if (builder.scratch && tree->order && tree->nodes) {
+    builder.failed = !builder.scratch || !builder.groups || !builder.heap || !tree->order;
+    if (!builder.failed) {
         for (uint32_t i = 0; i < count; i++)
             tree->order[i] = i;
-        tree->node_count = 1;
-        build(&builder, 0, 0, count, leaves);
-    } else {
-        builder.failed = true;
+        push(&builder, add_group(&builder, 0, count));
+        build(&builder, leaves, most, split, user);
+        tree->nodes = malloc((size_t)builder.group_count * sizeof *tree->nodes);
+        builder.failed = builder.failed || !tree->nodes;
     }
+    if (!builder.failed)
+        number(&builder, 0);
     free(builder.scratch);
+    free(builder.groups);
+    free(builder.heap);
     if (builder.failed)
         chiaro_cluster_free(tree);
     return !builder.failed;

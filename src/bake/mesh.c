@@ -451,23 +451,22 @@ static bool deal_runs(const Receivers *receivers, uint32_t *order)
     ClusterItem *items = calloc(n, sizeof *items);
     baker->receiver_runs = malloc(((size_t)n + 1) * sizeof *baker->receiver_runs);
     /* A quarter turn parts two receivers like two edges of a run. */
-    float turn = 2 * sqrtf(USUAL_RUN) * receivers->mesh->unit;
+    float run = sqrtf(USUAL_RUN) * receivers->mesh->unit, turn = 2 * run;
     for (uint32_t r = 0; items && r < n; r++) {
         const Draft *draft = &receivers->drafts[r];
         Vec3 normal = vec3_scale(draft->normal, turn);
-        items[r] = (ClusterItem){{draft->place.x, draft->place.y, draft->place.z, normal.x, normal.y, normal.z}, 1};
+        items[r] = (ClusterItem){{draft->place.x, draft->place.y, draft->place.z, 0, normal.x, normal.y, normal.z}, 1, run};
     }
-    if (!items || !baker->receiver_runs || !chiaro_cluster(items, n, (n + USUAL_RUN - 1) / USUAL_RUN, NULL, NULL, &tree)) {
+    if (!items || !baker->receiver_runs || !chiaro_cluster(items, n, (n + USUAL_RUN - 1) / USUAL_RUN, CHIARO_BLOCK_ROWS,
+                                                       NULL, NULL, &tree)) {
         free(items);
         return false;
     }
     memcpy(order, tree.order, n * sizeof *order);
     uint32_t count = 0;
     for (uint32_t k = 0; k < tree.node_count; k++) {
-        const ClusterNode *node = &tree.nodes[k];
-        uint32_t pieces = (node->count + CHIARO_BLOCK_ROWS - 1) / CHIARO_BLOCK_ROWS;
-        for (uint32_t piece = 0; node->left == CHIARO_NONE && piece < pieces; piece++)
-            baker->receiver_runs[count++] = node->first + (uint32_t)((uint64_t)node->count * piece / pieces);
+        if (tree.nodes[k].left == CHIARO_NONE)
+            baker->receiver_runs[count++] = tree.nodes[k].first;
     }
     baker->receiver_runs[count] = n;
     baker->receiver_run_count = count;

@@ -11,6 +11,8 @@
 #include "../core/random.h"
 #include "bake.h"
 #include "chiaro_shared.h"
+#include "lattice.h"
+#include "sizing.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -31,48 +33,10 @@ static const float HOVER = 0.2f;
 /* More patches than were asked for. */
 static const double MOST_EXCESS = 1.1;
 
-/* Barycentric corners of small triangle k of a lattice of n; returns false past the end. */
-static void lattice_corners(uint32_t n, uint32_t k, float corner[3][2])
-{
-    uint32_t row = 0, left = k;
-    while (left >= 2 * (n - row) - 1)
-        left -= 2 * (n - row) - 1, row++;
-    uint32_t column = left / 2;
-    float inverse = 1 / (float)n, u = (float)row * inverse, v = (float)column * inverse;
-    if (left % 2 == 0) {
-        float c[3][2] = {{u, v}, {u + inverse, v}, {u, v + inverse}};
-        memcpy(corner, c, sizeof c);
-    } else {
-        float c[3][2] = {{u + inverse, v}, {u + inverse, v + inverse}, {u, v + inverse}};
-        memcpy(corner, c, sizeof c);
-    }
-}
-
-static uint32_t lattice_index(uint32_t n, float u, float v)
-{
-    float x = fmaxf(0, u) * (float)n, y = fmaxf(0, v) * (float)n;
-    uint32_t row = (uint32_t)x, column = (uint32_t)y;
-    row = row > n - 1 ? n - 1 : row;
-    column = column > n - 1 - row ? n - 1 - row : column;
-    bool upper = (x - (float)row) + (y - (float)column) > 1 && column < n - 1 - row;
-    return row * (2 * n - row) + 2 * column + (upper ? 1 : 0);
-}
-
 uint32_t chiaro_patches_leaf(const Patches *patches, uint32_t triangle, float u, float v)
 {
     uint32_t n = patches->triangle_edge[triangle];
-    return n ? patches->small_leaf[patches->triangle_first[triangle] + lattice_index(n, u, v)] : CHIARO_NONE;
-}
-
-static void triangle_corners(const ChiaroScene *scene, uint32_t triangle, Vec3 corner[3])
-{
-    for (int c = 0; c < 3; c++)
-        corner[c] = vec3_load(scene->vertices[scene->indices[3 * triangle + (uint32_t)c]].position);
-}
-
-static Vec3 at(const Vec3 corner[3], float u, float v)
-{
-    return vec3_add(vec3_scale(corner[0], 1 - u - v), vec3_add(vec3_scale(corner[1], u), vec3_scale(corner[2], v)));
+    return n ? patches->small_leaf[patches->triangle_first[triangle] + chiaro_lattice_index(n, u, v)] : CHIARO_NONE;
 }
 
 static void small_corners(const Baker *baker, uint32_t small, Vec3 corner[3])
@@ -81,10 +45,17 @@ static void small_corners(const Baker *baker, uint32_t small, Vec3 corner[3])
     uint32_t triangle = p->small_triangle[small];
     Vec3 whole[3];
     float b[3][2];
-    triangle_corners(baker->scene, triangle, whole);
-    lattice_corners(p->triangle_edge[triangle], small - p->triangle_first[triangle], b);
+    chiaro_triangle_corners(baker->scene, triangle, whole);
+    chiaro_lattice_corners(p->triangle_edge[triangle], small - p->triangle_first[triangle], b);
     for (int c = 0; c < 3; c++)
-        corner[c] = at(whole, b[c][0], b[c][1]);
+        corner[c] = chiaro_triangle_at(whole, b[c][0], b[c][1]);
+}
+
+static float small_area(const Baker *baker, uint32_t small)
+{
+    Vec3 c[3];
+    small_corners(baker, small, c);
+    return vec3_length(chiaro_triangle_cross(c)) / 2;
 }
 
 /* Mean albedo and emission of a small triangle: textures are averaged over it. */
@@ -96,11 +67,11 @@ static void small_color(const Baker *baker, uint32_t small, Vec3 *albedo, Vec3 *
     bool textured = material->albedo_texture != CHIARO_NONE || material->emission_texture != CHIARO_NONE;
     uint32_t probes = textured ? TEXTURE_PROBES : 1;
     float b[3][2], weight = 1 / (float)(probes * probes);
-    lattice_corners(p->triangle_edge[triangle], small - p->triangle_first[triangle], b);
+    chiaro_lattice_corners(p->triangle_edge[triangle], small - p->triangle_first[triangle], b);
     *albedo = *emission = vec3(0, 0, 0);
     for (uint32_t k = 0; k < probes * probes; k++) {
         float c[3][2], a[3], e[3];
-        lattice_corners(probes, k, c);
+        chiaro_lattice_corners(probes, k, c);
         float s = (c[0][0] + c[1][0] + c[2][0]) / 3, t = (c[0][1] + c[1][1] + c[2][1]) / 3;
         float u = b[0][0] * (1 - s - t) + b[1][0] * s + b[2][0] * t;
         float v = b[0][1] * (1 - s - t) + b[1][1] * s + b[2][1] * t;
@@ -115,24 +86,23 @@ static bool is_emitter(const ChiaroScene *scene, uint32_t part)
     return vec3_max(vec3_load(scene->materials[scene->parts[part].material].emission)) > 0;
 }
 
-/* Areas of the scene, and the numbers of small triangles that patches of this size need. */
-static uint64_t plan_lattices(Baker *baker, float edge, float emitter_edge)
+/* The numbers of small triangles that patches of this size need, where they are of the usual size. */
+static uint64_t plan_lattices(Baker *baker, const Sizing *sizing, float edge, float emitter_edge)
 {
     const ChiaroScene *scene = baker->scene;
     Patches *p = &baker->patches;
     uint64_t count = 0;
     for (uint32_t t = 0; t < scene->index_count / 3; t++) {
         Vec3 c[3];
-        triangle_corners(scene, t, c);
-        float longest = fmaxf(vec3_length(vec3_sub(c[1], c[0])),
-                              fmaxf(vec3_length(vec3_sub(c[2], c[1])), vec3_length(vec3_sub(c[0], c[2]))));
-        float area = vec3_length(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0]))) / 2;
+        chiaro_triangle_corners(scene, t, c);
+        float longest = chiaro_triangle_longest_edge(c), area = vec3_length(chiaro_triangle_cross(c)) / 2;
         p->triangle_edge[t] = 0;
         if (!(area > 0))
             continue;
-        float step = is_emitter(scene, p->triangle_part[t]) ? emitter_edge : edge;
-        /* A needle would be cut far finer across than along: its lattice is held to 16 times what its area asks for. */
-        float wanted = ceilf(longest / step), fair = ceilf(4 * sqrtf(2 * area) / step);
+        float step = edge / sqrtf(chiaro_sizing_most(sizing, t));
+        step = is_emitter(scene, p->triangle_part[t]) ? fminf(step, emitter_edge) : step;
+        /* A needle would be cut far finer across than along: its lattice is held to 4 times what its area asks for. */
+        float wanted = ceilf(longest / step), fair = ceilf(2 * sqrtf(2 * area) / step);
         p->triangle_edge[t] = (uint16_t)fmaxf(1, fminf(MAX_LATTICE, fminf(wanted, fair)));
         p->triangle_first[t] = (uint32_t)count;
         count += (uint64_t)p->triangle_edge[t] * p->triangle_edge[t];
@@ -140,7 +110,7 @@ static uint64_t plan_lattices(Baker *baker, float edge, float emitter_edge)
     return count;
 }
 
-static ChiaroResult cut_triangles(Baker *baker)
+static ChiaroResult cut_triangles(Baker *baker, Sizing *sizing)
 {
     const ChiaroScene *scene = baker->scene;
     Patches *p = &baker->patches;
@@ -158,8 +128,8 @@ static ChiaroResult cut_triangles(Baker *baker)
     }
     for (uint32_t t = 0; t < triangles; t++) {
         Vec3 c[3];
-        triangle_corners(scene, t, c);
-        double area = vec3_length(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0]))) / 2;
+        chiaro_triangle_corners(scene, t, c);
+        double area = vec3_length(chiaro_triangle_cross(c)) / 2;
         p->area += area;
         emitting += is_emitter(scene, p->triangle_part[t]) ? area : 0;
         p->degenerate += !(area > 0);
@@ -174,7 +144,9 @@ static ChiaroResult cut_triangles(Baker *baker)
     float edge = baker->info.patch_size / SMALL_A_PATCH_EDGE;
     float emitter_edge = fminf(edge, (float)sqrt(emitting / EMITTER_PATCHES) / SMALL_A_PATCH_EDGE);
     uint64_t count;
-    while ((count = plan_lattices(baker, edge, emitter_edge)) > MAX_SMALL && count > triangles)
+    if (!chiaro_sizing_create(baker, sizing))
+        return CHIARO_ERROR_MEMORY;
+    while ((count = plan_lattices(baker, sizing, edge, emitter_edge)) > MAX_SMALL && count > triangles)
         edge *= 1.25f, emitter_edge *= 1.25f;
     if (count > UINT32_MAX / 4)
         return CHIARO_ERROR_SCENE;
@@ -193,25 +165,38 @@ static ChiaroResult cut_triangles(Baker *baker)
     return CHIARO_OK;
 }
 
+/* Edge of a usual patch where a small triangle lies. */
+static float local_size(const Baker *baker, const Sizing *sizing, uint32_t small)
+{
+    const Patches *p = &baker->patches;
+    uint32_t triangle = p->small_triangle[small];
+    float b[3][2];
+    chiaro_lattice_corners(p->triangle_edge[triangle], small - p->triangle_first[triangle], b);
+    float u = (b[0][0] + b[1][0] + b[2][0]) / 3, v = (b[0][1] + b[1][1] + b[2][1]) / 3;
+    return baker->info.patch_size / sqrtf(chiaro_sizing_density(sizing, triangle, u, v));
+}
+
 /* What makes two small triangles alike, in metres: direction counts as two patches, colour as one, and emitters stay
- * among themselves whatever it costs. */
-static ClusterItem *describe_small(const Baker *baker)
+ * among themselves whatever it costs. They weigh as much as they fill of a patch of the local size. */
+static ClusterItem *describe_small(const Baker *baker, const Sizing *sizing)
 {
     const Patches *p = &baker->patches;
     ClusterItem *items = malloc(p->small_count * sizeof *items);
-    float size = baker->info.patch_size, far = 4 * (float)sqrt(p->area);
+    float far = 4 * (float)sqrt(p->area);
     for (uint32_t s = 0; items && s < p->small_count; s++) {
         Vec3 c[3], albedo, emission;
         small_corners(baker, s, c);
         small_color(baker, s, &albedo, &emission);
-        Vec3 cross = vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0]));
-        Vec3 center = vec3_scale(vec3_add(c[0], vec3_add(c[1], c[2])), 1.0f / 3);
-        float *f = items[s].feature;
-        vec3_store(f, center);
-        vec3_store(f + 3, vec3_scale(vec3_normalize(cross), 2 * size));
-        vec3_store(f + 6, vec3_scale(albedo, size));
-        f[9] = vec3_max(emission) > 0 ? far : 0;
-        items[s].weight = vec3_length(cross) / 2 * (f[9] > 0 ? p->emitter_boost : 1);
+        Vec3 cross = chiaro_triangle_cross(c);
+        bool emits = vec3_max(emission) > 0;
+        float *f = items[s].feature, size = local_size(baker, sizing, s);
+        size /= emits ? sqrtf(p->emitter_boost) : 1;
+        vec3_store(f, vec3_scale(vec3_add(c[0], vec3_add(c[1], c[2])), 1.0f / 3));
+        f[3] = emits ? far : 0;
+        vec3_store(f + 4, vec3_scale(vec3_normalize(cross), 2 * size));
+        vec3_store(f + 7, vec3_scale(albedo, size));
+        items[s].unit = size;
+        items[s].weight = vec3_length(cross) / (2 * size * size);
     }
     return items;
 }
@@ -219,17 +204,18 @@ static ClusterItem *describe_small(const Baker *baker)
 /* A place above each small triangle. */
 typedef struct Hover {
     const Baker *baker;
+    const Sizing *sizing;
     Vec3 *places;
 } Hover;
 
 /* A part of a patch high, or half way to what is there. */
-static Vec3 hover_place(const Baker *baker, uint32_t small)
+static Vec3 hover_place(const Baker *baker, const Sizing *sizing, uint32_t small)
 {
     Vec3 c[3];
     small_corners(baker, small, c);
-    Vec3 normal = vec3_normalize(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0])));
+    Vec3 normal = vec3_normalize(chiaro_triangle_cross(c));
     Vec3 place = vec3_scale(vec3_add(c[0], vec3_add(c[1], c[2])), 1.0f / 3);
-    float height = HOVER * baker->info.patch_size;
+    float height = HOVER * local_size(baker, sizing, small);
     ChiaroHit hit;
     place = vec3_mad(place, normal, chiaro_rays_epsilon(baker->rays));
     if (chiaro_rays_hit(baker->rays, place, normal, 0, 2 * height, &hit))
@@ -242,7 +228,7 @@ static void hover(uint32_t begin, uint32_t end, uint32_t thread, void *user)
     Hover *hovers = user;
     (void)thread;
     for (uint32_t small = begin; small < end; small++)
-        hovers->places[small] = hover_place(hovers->baker, small);
+        hovers->places[small] = hover_place(hovers->baker, hovers->sizing, small);
 }
 
 /* For chiaro_cluster(): two faces of a patch between which a wall stands share no light. Those that see the first one's
@@ -264,19 +250,19 @@ static uint32_t split_at_walls(uint32_t *order, uint32_t count, void *user)
 }
 
 /* Groups small triangles into about as many patches as were asked for. */
-static bool cluster_small(Baker *baker, const ClusterItem *items, ClusterTree *tree)
+static bool cluster_small(Baker *baker, const Sizing *sizing, const ClusterItem *items, ClusterTree *tree)
 {
     uint32_t count = baker->patches.small_count, wanted = baker->desc.samples;
-    Hover hovers = {baker, malloc(count * sizeof *hovers.places)};
+    Hover hovers = {baker, sizing, malloc(count * sizeof *hovers.places)};
     if (!hovers.places)
         return false;
     chiaro_parallel_for(baker->desc.threads, count, 256, hover, &hovers, NULL, NULL);
-    bool ok = chiaro_cluster(items, count, wanted, split_at_walls, &hovers, tree);
+    bool ok = chiaro_cluster(items, count, wanted, UINT32_MAX, split_at_walls, &hovers, tree);
     /* Where walls have made many more of them, fewer are asked for. */
     if (ok && tree->leaf_count > MOST_EXCESS * wanted) {
         wanted = (uint32_t)((double)wanted * wanted / tree->leaf_count);
         chiaro_cluster_free(tree);
-        ok = chiaro_cluster(items, count, wanted, split_at_walls, &hovers, tree);
+        ok = chiaro_cluster(items, count, wanted, UINT32_MAX, split_at_walls, &hovers, tree);
     }
     free(hovers.places);
     return ok;
@@ -297,7 +283,7 @@ static void place_point(const Baker *baker, const ClusterItem *items, const uint
     mean = vec3_scale(mean, 1 / weight);
     for (uint32_t k = 0; k < count; k++) {
         const ClusterItem *item = &items[small[k]];
-        Vec3 c[3], center = vec3_load(item->feature), normal = vec3_normalize(vec3_load(item->feature + 3));
+        Vec3 c[3], center = vec3_load(item->feature), normal = vec3_normalize(vec3_load(item->feature + 4));
         small_corners(baker, small[k], c);
         Vec3 away = vec3_sub(mean, center);
         float height = vec3_dot(away, normal);
@@ -344,7 +330,7 @@ static ChiaroResult make_sample(Baker *baker, const ClusterItem *items, uint32_t
     }
     sample->area = (float)area;
     sample->first_point = baker->point_count;
-    if (!chiaro_cluster(own, count, POINTS_A_SAMPLE, NULL, NULL, &tree)) {
+    if (!chiaro_cluster(own, count, POINTS_A_SAMPLE, UINT32_MAX, NULL, NULL, &tree)) {
         free(own);
         return CHIARO_ERROR_MEMORY;
     }
@@ -386,8 +372,10 @@ uint32_t chiaro_sky_leaf(const Baker *baker, Vec3 direction)
 static void describe_sky(ClusterItem *items)
 {
     memset(items, 0, CHIARO_SKY_TEXELS * sizeof *items);
-    for (uint32_t t = 0; t < CHIARO_SKY_TEXELS; t++)
+    for (uint32_t t = 0; t < CHIARO_SKY_TEXELS; t++) {
         vec3_store(items[t].feature, chiaro_cube_texel_direction(t, CHIARO_SKY_EDGE, &items[t].weight));
+        items[t].unit = 1;
+    }
 }
 
 /* --- the tree --- */
@@ -570,8 +558,8 @@ void chiaro_patches_place(const Baker *baker, uint32_t sample, float pick, float
     Vec3 c[3];
     small_corners(baker, p->leaf_small[low], c);
     float root = sqrtf(u);
-    *place = at(c, root * (1 - v), root * v);
-    *normal = vec3_normalize(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0])));
+    *place = chiaro_triangle_at(c, root * (1 - v), root * v);
+    *normal = vec3_normalize(chiaro_triangle_cross(c));
 }
 
 /* A first look with a few rays: how far light travels here, and whether any of it leaves the scene. */
@@ -588,9 +576,9 @@ static void survey(Baker *baker, bool *sky_seen)
         return;
     for (uint32_t t = 0; t < triangles; t++) {
         Vec3 c[3];
-        triangle_corners(scene, t, c);
+        chiaro_triangle_corners(scene, t, c);
         cumulative[t] = area;
-        area += vec3_length(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0]))) / 2;
+        area += vec3_length(chiaro_triangle_cross(c)) / 2;
     }
     for (uint32_t k = 0; k < SURVEY_RAYS; k++) {
         double wanted = ((double)k + chiaro_random_float(&random)) / SURVEY_RAYS * area;
@@ -603,10 +591,10 @@ static void survey(Baker *baker, bool *sky_seen)
                 high = middle;
         }
         Vec3 c[3];
-        triangle_corners(scene, low, c);
+        chiaro_triangle_corners(scene, low, c);
         float root = sqrtf(chiaro_random_float(&random)), v = chiaro_random_float(&random);
-        Vec3 normal = vec3_normalize(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0])));
-        Vec3 origin = vec3_mad(at(c, root * (1 - v), root * v), normal, epsilon);
+        Vec3 normal = vec3_normalize(chiaro_triangle_cross(c));
+        Vec3 origin = vec3_mad(chiaro_triangle_at(c, root * (1 - v), root * v), normal, epsilon);
         float a = chiaro_random_float(&random), b = chiaro_random_float(&random);
         ChiaroHit hit;
         if (!chiaro_rays_hit(baker->rays, origin, vec3_cosine_direction(normal, a, b), 0, INFINITY, &hit))
@@ -628,23 +616,25 @@ ChiaroResult chiaro_bake_patches(Baker *baker)
         double area = 0;
         for (uint32_t t = 0; t < baker->scene->index_count / 3; t++) {
             Vec3 c[3];
-            triangle_corners(baker->scene, t, c);
-            area += vec3_length(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0]))) / 2;
+            chiaro_triangle_corners(baker->scene, t, c);
+            area += vec3_length(chiaro_triangle_cross(c)) / 2;
         }
         double edge = PATCH_PART_OF_FREE_PATH * baker->free_path, wanted = area / (edge * edge);
         baker->desc.samples = (uint32_t)fmin(DEFAULT_MOST_SAMPLES, fmax(DEFAULT_LEAST_SAMPLES, wanted));
     }
-    ChiaroResult result = cut_triangles(baker);
-    if (result != CHIARO_OK)
-        return result;
+    Sizing sizing = {0};
     ClusterTree surface = {0}, sky = {0};
-    ClusterItem *items = describe_small(baker), *texels = NULL;
-    result = CHIARO_ERROR_MEMORY;
-    if (!items || !cluster_small(baker, items, &surface))
+    ClusterItem *items = NULL, *texels = NULL;
+    ChiaroResult result = cut_triangles(baker, &sizing);
+    if (result != CHIARO_OK)
         goto done;
-    /* Emitters are heavier only while leaves are dealt out. */
+    result = CHIARO_ERROR_MEMORY;
+    items = describe_small(baker, &sizing);
+    if (!items || !cluster_small(baker, &sizing, items, &surface))
+        goto done;
+    /* From here on, weights are areas. */
     for (uint32_t k = 0; k < baker->patches.small_count; k++)
-        items[k].weight /= items[k].feature[9] > 0 ? baker->patches.emitter_boost : 1;
+        items[k].weight = small_area(baker, k);
     if ((result = number_leaves(baker, items, &surface)) != CHIARO_OK)
         goto done;
     for (uint32_t s = 0; s < baker->sample_count; s++) {
@@ -661,7 +651,7 @@ ChiaroResult chiaro_bake_patches(Baker *baker)
         if (!texels || !baker->sky_order)
             goto done;
         describe_sky(texels);
-        if (!chiaro_cluster(texels, baker->sky_count, baker->sky_count, NULL, NULL, &sky))
+        if (!chiaro_cluster(texels, baker->sky_count, baker->sky_count, UINT32_MAX, NULL, NULL, &sky))
             goto done;
     }
     baker->leaf_count = baker->sample_count + baker->sky_count;
@@ -680,6 +670,7 @@ ChiaroResult chiaro_bake_patches(Baker *baker)
     }
     result = build_nodes(baker, &surface, &sky);
 done:
+    chiaro_sizing_destroy(&sizing);
     chiaro_cluster_free(&surface);
     chiaro_cluster_free(&sky);
     free(items);
