@@ -12,6 +12,7 @@
 typedef struct Open {
     uint32_t node;
     float own[CUT_PROBES]; /* what the probes receive if every leaf inside has light 1 */
+    double square[CUT_PROBES], mean[CUT_PROBES]; /* the same of loose light: its energy, and its product with the mean's */
     double cost;           /* what is lost if the node's mean stands for the leaves */
     float *light;          /* [probe][column]: what they do receive */
 } Open;
@@ -73,6 +74,7 @@ uint32_t chiaro_cut_place(const uint32_t *leaves, uint32_t count, uint32_t leaf)
 static void measure_cost(Cut *cut, Open *open)
 {
     uint32_t width = cut->task.column_count;
+    double area = cut->baker->nodes[open->node].area;
     open->cost = 0;
     if (cut->baker->nodes[open->node].count == 1)
         return;
@@ -81,6 +83,9 @@ static void measure_cost(Cut *cut, Open *open)
         memcpy(cut->rest, open->light + (size_t)p * CUT_COLUMNS, width * sizeof(float));
         chiaro_axpy(cut->rest, -open->own[p], cut->mean, width);
         open->cost += chiaro_dot(cut->rest, cut->rest, width);
+        if (cut->task.loose > 0)
+            open->cost += cut->task.loose * (open->square[p] - 2 * (double)open->own[p] * open->mean[p] / area +
+                                             (double)open->own[p] * (double)open->own[p] * (double)cut->task.energy[open->node]);
     }
 }
 
@@ -90,11 +95,17 @@ static void add_up(Cut *cut, Open *open, uint32_t node, uint32_t first, uint32_t
     uint32_t width = cut->task.column_count;
     open->node = node;
     memset(open->own, 0, sizeof open->own);
+    memset(open->square, 0, sizeof open->square);
+    memset(open->mean, 0, sizeof open->mean);
     memset(open->light, 0, CUT_PROBES * CUT_COLUMNS * sizeof(float));
     for (uint32_t l = first; l < end; l++) {
+        uint32_t leaf = cut->task.leaves[l];
+        double energy = cut->task.loose > 0 ? cut->task.energy[leaf] : 0, area = cut->baker->nodes[leaf].area;
         for (uint32_t p = 0; p < CUT_PROBES; p++) {
             float weight = cut->task.probes[(size_t)l * CUT_PROBES + p];
             open->own[p] += weight;
+            open->square[p] += energy * weight * weight;
+            open->mean[p] += energy * weight * area;
             chiaro_axpy(open->light + (size_t)p * CUT_COLUMNS, weight, cut->leaf_light + (size_t)l * CUT_COLUMNS, width);
         }
     }
@@ -117,8 +128,10 @@ static bool open_children(Cut *cut, Open *parent, Open *spare)
     if (from < to) {
         add_up(cut, spare, smaller, from, to);
         chiaro_axpy(parent->light, -1, spare->light, CUT_PROBES * CUT_COLUMNS);
-        for (uint32_t p = 0; p < CUT_PROBES; p++)
+        for (uint32_t p = 0; p < CUT_PROBES; p++) {
             parent->own[p] -= spare->own[p];
+            parent->square[p] -= spare->square[p], parent->mean[p] -= spare->mean[p];
+        }
     }
     measure_cost(cut, parent);
     return from < to;

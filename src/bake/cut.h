@@ -16,6 +16,8 @@ typedef struct CutTask {
     const uint32_t *columns;  /* of the table; at most CUT_COLUMNS */
     const float *column_scale;
     uint32_t column_count; /* a multiple of CHIARO_LANES */
+    const float *energy;   /* [node]: of light of no pattern; NULL: none */
+    double loose;          /* what it counts */
 } CutTask;
 
 /* One a thread. */

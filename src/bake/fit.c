@@ -8,6 +8,11 @@
  * 3. Weights, from each node to each pattern. Least squares over the training lights, pulled toward the form factors, and
  *    exact for the uniform field and the uniform sky: a furnace comes out right.
  *
+ * Training lights are never enough: a lamp between two of them lights its surroundings in a way that none of them did. So
+ * part of the light is taken to be of no pattern at all, every leaf by itself as bright as it was in training (the sample
+ * covariance shrunk toward its diagonal: Ledoit, Wolf, "A well-conditioned estimator for large-dimensional covariance
+ * matrices", 2004). Patterns, cut and weights all are for this mixture.
+ *
  * The idea of patterns: Sloan, Hall, Hart, Snyder, "Clustered Principal Components for Precomputed Radiance Transfer", 2003.
  */
 #include "fit.h"
@@ -21,10 +26,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_COLUMNS = 2048, COLUMN_CHUNK = 256, LEVEL_STEP = 8, MOST_FIXED = 2, EVEN_COLUMNS = 64, LEAST_BLOCK = 16 };
+enum { MOST_COLUMNS = 2048, COLUMN_CHUNK = 256, LEVEL_STEP = 8, MOST_FIXED = 2, EVEN_COLUMNS = 64, LEAST_BLOCK = 4, LEAST_NODES = 8 };
 
 /* Expected error of the fit, as a part of the block's light: the smaller, the further weights may leave the form factors. */
 static const double FIT_NOISE = 0.01;
+/* Part of the light at the receivers' leaves that is of no pattern. What samples receive after many bounces is smooth. */
+static const double LOOSE = 0.3;
 /* Products of light are this exact, being sums of floats. */
 static const double ROUNDING = 1e-6;
 /* Weights are this free: as a part of themselves plus a part of the mean weight. */
@@ -37,8 +44,11 @@ static const float LEAST_LEVEL = 1e-6f;
 static const float SPECIAL_COLUMNS = 8;
 /* The first cut is this much finer than the one that is left. */
 static const double FINER = 2.5;
-/* What a block may spend on patterns: the square of their number, in K. */
-static const double MANY_PATTERNS = 4.5, FEW_PATTERNS = 1.5;
+/* What a block may spend on patterns: the square of their number, in K; and other tries, as parts of it, while they help. */
+static const double PATTERNS = 4.5, FEWER_PATTERNS[] = {1.0 / 3, 1.0 / 9};
+/* Where few training lights share in a block's light, few patterns can be told from chance: this many lights for each unit
+ * of PATTERNS, of which there is one at least. */
+static const double LIGHTS_A_PATTERN = 25, LEAST_PATTERNS = 1;
 /* Patterns that hold less than this part of a block's light, squared, are left out. */
 static const double LEAST_PATTERN = 1e-8;
 
@@ -55,6 +65,10 @@ typedef struct FitScratch {
     float *form;                      /* [channel][pattern][leaf]: form factors of the patterns */
     float *probes;                    /* [leaf][CUT_PROBES] */
     float *clusters;                  /* [cluster] */
+    double lights;                    /* training lights that share in the block's light, as if all were equally bright */
+    double loose;                     /* what the task's energy counts in this block */
+    float *bright;                    /* [leaf]: form factors of a row times the root of energy */
+    double *pull;                     /* [pattern][node]: right sides of the loose light */
     double *pattern;                  /* [pattern][row]: orthonormal */
     double *gram;                     /* rows x rows, of all */
     double *own_gram, *vectors, *images, *values; /* of the block: gram, and its largest eigenvectors */
@@ -69,6 +83,9 @@ typedef struct FitScratch {
     Prune prune;
     FitBlock other; /* a second try at the same block */
 } FitScratch;
+
+/* Loops run over whole groups of lanes. */
+static size_t padded(size_t count) { return (count + CHIARO_LANES - 1) / CHIARO_LANES * CHIARO_LANES; }
 
 static bool block_create(FitBlock *block, uint32_t channels)
 {
@@ -107,6 +124,8 @@ bool chiaro_fitter_create(const FitTask *task, Fitter *fitter)
     s->form = malloc(task->channels * rank * baker->leaf_count * sizeof *s->form);
     s->probes = malloc((size_t)baker->leaf_count * CUT_PROBES * sizeof *s->probes);
     s->clusters = malloc(baker->cluster_count * sizeof *s->clusters);
+    s->bright = malloc(rows * padded(baker->leaf_count) * sizeof *s->bright);
+    s->pull = malloc(rank * nodes * sizeof *s->pull);
     s->pattern = malloc(rank * rows * sizeof *s->pattern);
     s->gram = malloc(rows * rows * sizeof *s->gram);
     s->own_gram = malloc(rows * rows * sizeof *s->own_gram);
@@ -122,7 +141,7 @@ bool chiaro_fitter_create(const FitTask *task, Fitter *fitter)
     s->cut = chiaro_cut_create(baker, CHIARO_BLOCK_NODES);
     ready = ready && chiaro_prune_create(&s->prune, baker, CHIARO_BLOCK_NODES, task->channels);
     return ready && s->columns && s->order && s->column_scale && s->level && s->chunk &&
-           s->target && s->wanted && s->light && s->form && s->probes && s->clusters && s->pattern && s->gram &&
+           s->target && s->wanted && s->light && s->form && s->probes && s->clusters && s->bright && s->pull && s->pattern && s->gram &&
            s->own_gram && s->vectors && s->images && s->values && s->system && s->ridge && s->prior && s->right &&
            s->bound[0] && s->bound[1] && s->cut;
 }
@@ -132,7 +151,7 @@ void chiaro_fitter_destroy(Fitter *fitter)
     FitScratch *s = fitter->scratch;
     if (s) {
         void *all[] = {s->columns, s->order, s->column_scale, s->level, s->chunk, s->target, s->wanted, s->light,
-                       s->form, s->probes, s->clusters, s->pattern, s->gram, s->own_gram, s->vectors, s->images, s->values,
+                       s->form, s->probes, s->clusters, s->bright, s->pull, s->pattern, s->gram, s->own_gram, s->vectors, s->images, s->values,
                        s->system,
                        s->ridge, s->prior, s->right, s->bound[0], s->bound[1]};
         for (size_t k = 0; k < sizeof all / sizeof *all; k++)
@@ -263,6 +282,44 @@ static uint32_t uniform_column(const FitScratch *s, uint32_t u)
     return u ? s->task.baker->uniform_column : s->task.baker->uniform_sky_column;
 }
 
+/* How much light of no pattern there is: leaves are as bright as in the block's training lights. */
+static void measure_loose(FitScratch *s)
+{
+    const FitRows *rows = s->rows;
+    const float *energy = s->task.energy;
+    double here = 0, all = 0, sum = 0, square = 0;
+    s->loose = 0, s->lights = INFINITY;
+    if (!energy)
+        return;
+    for (uint32_t k = 0; k < s->width; k++) {
+        double own = column_energy(s, k);
+        sum += own, square += own * own;
+    }
+    s->lights = square > 0 ? sum * sum / square : 1;
+    for (uint32_t l = 0; l < rows->leaf_count; l += LEVEL_STEP) {
+        const float *light = s->task.truth + (size_t)rows->leaves[l] * s->task.baker->columns;
+        double share = 0;
+        for (uint32_t r = 0; r < rows->count; r++) {
+            double form = rows->form[(size_t)r * rows->leaf_count + l];
+            share += form * form;
+        }
+        all += share * energy[rows->leaves[l]];
+        for (uint32_t first = 0; first < s->width; first += COLUMN_CHUNK) {
+            uint32_t count = s->width - first < COLUMN_CHUNK ? s->width - first : COLUMN_CHUNK;
+            load_light(s, light, first, count, s->chunk);
+            here += share * chiaro_dot(s->chunk, s->chunk, count);
+        }
+    }
+    s->loose = all > 0 ? LOOSE * here / all : 0;
+    size_t stride = padded(rows->leaf_count);
+    memset(s->bright, 0, rows->count * stride * sizeof *s->bright);
+    for (uint32_t l = 0; l < rows->leaf_count; l++) {
+        float root = sqrtf((float)s->loose * energy[rows->leaves[l]]);
+        for (uint32_t r = 0; r < rows->count; r++)
+            s->bright[r * stride + l] = rows->form[(size_t)r * rows->leaf_count + l] * root;
+    }
+}
+
 /* What the rows receive from a uniform sky and a uniform field. */
 static void collect_uniform(FitScratch *s)
 {
@@ -324,10 +381,14 @@ static void deflate(double *gram, uint32_t n, const double *unit, double *along)
 static void collect_gram(FitScratch *s)
 {
     uint32_t n = s->rows->count;
+    size_t stride = padded(s->rows->leaf_count);
     for (uint32_t i = 0; i < n; i++) {
-        for (uint32_t j = 0; j <= i; j++)
-            s->gram[(size_t)i * n + j] = s->gram[(size_t)j * n + i] =
-                chiaro_dot(s->target + (size_t)i * s->width, s->target + (size_t)j * s->width, s->width);
+        for (uint32_t j = 0; j <= i; j++) {
+            double product = chiaro_dot(s->target + (size_t)i * s->width, s->target + (size_t)j * s->width, s->width);
+            if (s->loose > 0)
+                product += chiaro_dot(s->bright + i * stride, s->bright + j * stride, stride);
+            s->gram[(size_t)i * n + j] = s->gram[(size_t)j * n + i] = product;
+        }
     }
 }
 
@@ -498,30 +559,37 @@ static uint32_t make_cut(FitScratch *s, uint32_t rank, uint32_t most, uint64_t s
         }
     }
     count = sample_columns(s, chiaro_random_float(&random));
-    CutTask task = {rows->leaves, leaves, s->probes, s->task.truth, s->sub_columns, s->sub_scale, count};
+    CutTask task = {rows->leaves, leaves, s->probes, s->task.truth, s->sub_columns, s->sub_scale, count,
+                    s->task.energy, s->loose};
     return chiaro_cut_make(s->cut, &task, most, nodes);
 }
 
 /* --- weights --- */
 
-/* Form factors of the cut's nodes: the sum of their leaves'. */
+/* Form factors of the cut's nodes: the sum of their leaves'; and what their loose light sends, times that light. */
 static void collect_prior(FitScratch *s, uint32_t channel, uint32_t rank, const uint32_t *nodes, uint32_t count)
 {
     const FitRows *rows = s->rows;
     const ChiaroNode *all = s->task.baker->nodes;
     memset(s->prior, 0, (size_t)rank * count * sizeof *s->prior);
+    memset(s->pull, 0, (size_t)rank * count * sizeof *s->pull);
     for (uint32_t i = 0; i < count; i++) {
         uint32_t first = all[nodes[i]].first, l = chiaro_cut_place(rows->leaves, rows->leaf_count, first);
         for (; l < rows->leaf_count && rows->leaves[l] < first + all[nodes[i]].count; l++) {
-            for (uint32_t p = 0; p < rank; p++)
-                s->prior[(size_t)p * count + i] += s->form[((size_t)channel * rank + p) * rows->leaf_count + l];
+            uint32_t leaf = rows->leaves[l];
+            double part = s->loose > 0 ? s->loose * s->task.energy[leaf] * all[leaf].area / all[nodes[i]].area : 0;
+            for (uint32_t p = 0; p < rank; p++) {
+                double form = s->form[((size_t)channel * rank + p) * rows->leaf_count + l];
+                s->prior[(size_t)p * count + i] += form;
+                s->pull[(size_t)p * count + i] += part * form;
+            }
         }
     }
 }
 
 /* Normal equations of one channel, ridge regression about the form factors: the matrix (its lower triangle) in `system`, the
  * right sides in `right`. */
-static void normal_equations(FitScratch *s, uint32_t channel, uint32_t rank, uint32_t n)
+static void normal_equations(FitScratch *s, uint32_t channel, uint32_t rank, const uint32_t *nodes, uint32_t n)
 {
     uint32_t begin = s->begin[channel], width = s->begin[channel + 1] - begin;
     double mean = 0;
@@ -543,9 +611,11 @@ static void normal_equations(FitScratch *s, uint32_t channel, uint32_t rank, uin
         for (uint32_t j = 0; j <= i; j++)
             s->system[(size_t)i * n + j] = chiaro_dot(row, s->light + (size_t)j * s->width + begin, width);
         s->system[(size_t)i * n + i] = s->system[(size_t)i * n + i] * (1 + ROUNDING) + s->ridge[i] + 1e-30;
+        if (s->loose > 0)
+            s->system[(size_t)i * n + i] += s->loose * s->task.energy[nodes[i]];
         for (uint32_t p = 0; p < rank; p++)
-            s->right[(size_t)p * n + i] =
-                chiaro_dot(row, s->wanted + (size_t)p * s->width + begin, width) + s->ridge[i] * s->prior[(size_t)p * n + i];
+            s->right[(size_t)p * n + i] = chiaro_dot(row, s->wanted + (size_t)p * s->width + begin, width) +
+                                          s->ridge[i] * s->prior[(size_t)p * n + i] + s->pull[(size_t)p * n + i];
     }
 }
 
@@ -567,7 +637,7 @@ static uint32_t thin_out(FitScratch *s, uint32_t rank, uint32_t *nodes, uint32_t
     prune->count = n, prune->rank = rank;
     for (uint32_t c = 0; c < s->task.channels; c++) {
         collect_prior(s, c, rank, nodes, n);
-        normal_equations(s, c, rank, n);
+        normal_equations(s, c, rank, nodes, n);
         chiaro_prune_set(prune, c, s->system, s->right);
     }
     chiaro_prune(prune, most);
@@ -610,15 +680,16 @@ static void keep_energy(FitScratch *s, uint32_t channel, uint32_t rank, const ui
     }
 }
 
-/* Squared error over the training lights: what the patterns cannot say, and what the weights miss. */
+/* Squared error over the training lights and the loose light: what the patterns cannot say, and what the weights miss. */
 static void measure_error(FitScratch *s, const Fitter *fitter, double error[2])
 {
     uint32_t rank = fitter->done.block.rank, n = fitter->done.block.node_count;
-    for (uint32_t r = 0; r < s->count; r++) {
-        const float *target = s->target + (size_t)(s->first + r) * s->width;
-        double size = chiaro_dot(target, target, s->width);
-        error[0] += size, error[1] += size;
-    }
+    const float *energy = s->task.energy;
+    size_t all_rows = s->rows->count;
+    error[0] = error[1] = 0;
+    for (uint32_t r = s->first; r < s->first + s->count; r++)
+        error[1] += s->gram[r * all_rows + r];
+    error[0] = error[1];
     for (uint32_t p = 0; p < rank; p++) {
         float *wanted = s->wanted + (size_t)p * s->width;
         error[0] -= chiaro_dot(wanted, wanted, s->width);
@@ -628,6 +699,11 @@ static void measure_error(FitScratch *s, const Fitter *fitter, double error[2])
                             s->light + (size_t)i * s->width + s->begin[c], s->begin[c + 1] - s->begin[c]);
         }
         error[0] += chiaro_dot(wanted, wanted, s->width);
+        /* The loose light that the pattern wants adds to what it cannot say once and leaves again; this is what remains. */
+        for (uint32_t i = 0; i < n && s->loose > 0; i++) {
+            double weight = fitter->done.weights[(size_t)p * n + i];
+            error[0] += weight * (weight * s->loose * energy[fitter->done.nodes[i]] - 2 * s->pull[(size_t)p * n + i]);
+        }
     }
 }
 
@@ -635,11 +711,11 @@ static void measure_error(FitScratch *s, const Fitter *fitter, double error[2])
  * `rank_square` K. */
 static void deal(uint32_t links, uint32_t rows, double rank_square, uint32_t *rank, uint32_t *nodes)
 {
-    double best = floor(sqrt(rank_square * links) + 0.5);
+    double best = fmax(1, floor(sqrt(rank_square * links) + 0.5));
     best = fmin(fmin(best, rows), CHIARO_BLOCK_RANK);
     double each = rows * (links / best - 1);
     *rank = (uint32_t)best;
-    *nodes = (uint32_t)fmin(CHIARO_BLOCK_NODES, fmax(links, each));
+    *nodes = (uint32_t)fmin(CHIARO_BLOCK_NODES, fmax(fmin(links, LEAST_NODES), each));
 }
 
 /* Makes the block at hand of the first `rank` patterns and at most `most` nodes. */
@@ -656,7 +732,7 @@ static void fit_block(Fitter *fitter, uint32_t rank, uint32_t most, uint64_t see
                                   .channels = s->task.channels};
     for (uint32_t c = 0; c < s->task.channels && n > 0; c++) {
         collect_prior(s, c, rank, fitter->done.nodes, n);
-        normal_equations(s, c, rank, n);
+        normal_equations(s, c, rank, fitter->done.nodes, n);
         chiaro_cholesky(s->system, n);
         for (uint32_t p = 0; p < rank; p++)
             chiaro_cholesky_solve(s->system, n, s->right + (size_t)p * n);
@@ -666,7 +742,6 @@ static void fit_block(Fitter *fitter, uint32_t rank, uint32_t most, uint64_t see
     }
     for (size_t k = 0; k < (size_t)rank * s->count; k++)
         fitter->done.shares[k] = (float)s->pattern[k];
-    error[0] = error[1] = 0;
     measure_error(s, fitter, error);
 }
 
@@ -683,10 +758,10 @@ static bool fit_range(Fitter *fitter, uint32_t first, uint32_t count, uint64_t s
                       double error[2])
 {
     FitScratch *s = fitter->scratch;
-    uint32_t rank, most, few, more;
-    double lost, many_error[2], few_error[2];
+    uint32_t rank, most;
+    double lost, best[2], tried[2], patterns = fmin(PATTERNS, fmax(LEAST_PATTERNS, s->lights / LIGHTS_A_PATTERN));
     s->first = first, s->count = count;
-    deal(s->task.links, count, MANY_PATTERNS, &rank, &most);
+    deal(s->task.links, count, patterns, &rank, &most);
     rank = choose_patterns(s, rank, &lost);
     if (lost > s->task.tolerance * s->task.tolerance && count >= 2 * LEAST_BLOCK) {
         uint32_t left = choose_split(s);
@@ -694,16 +769,21 @@ static bool fit_range(Fitter *fitter, uint32_t first, uint32_t count, uint64_t s
                fit_range(fitter, first + left, count - left, seed, emit, user, error);
     }
     /* Many patterns and few nodes, or the other way round: what is better only the fit can tell. */
-    fit_block(fitter, rank, most, seed + first, many_error);
-    deal(s->task.links, count, FEW_PATTERNS, &few, &more);
-    if (few < rank && more > most) {
+    fit_block(fitter, rank, most, seed + first, best);
+    for (size_t k = 0; k < sizeof FEWER_PATTERNS / sizeof *FEWER_PATTERNS; k++) {
+        uint32_t few, more;
+        deal(s->task.links, count, patterns * FEWER_PATTERNS[k], &few, &more);
+        if (few >= rank || more <= most)
+            continue;
         swap_blocks(fitter, &s->other);
-        fit_block(fitter, few, more, seed + first, few_error);
-        if (!(few_error[0] < many_error[0]))
+        fit_block(fitter, few, more, seed + first, tried);
+        if (!(tried[0] < best[0])) {
             swap_blocks(fitter, &s->other);
-        many_error[0] = fmin(many_error[0], few_error[0]);
+            break;
+        }
+        best[0] = tried[0], rank = few, most = more;
     }
-    error[0] += many_error[0], error[1] += many_error[1];
+    error[0] += best[0], error[1] += best[1];
     return emit(fitter, user);
 }
 
@@ -714,6 +794,7 @@ bool chiaro_fitter_fit(Fitter *fitter, const FitRows *rows, uint64_t seed, FitEm
     measure_level(s);
     choose_columns(s);
     collect_target(s);
+    measure_loose(s);
     collect_uniform(s);
     collect_gram(s);
     return fit_range(fitter, 0, rows->count, seed << 16, emit, user, error);

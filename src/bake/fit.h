@@ -15,6 +15,7 @@ typedef struct FitTask {
     uint32_t channels;    /* 1 or 3 */
     float tolerance;      /* rows whose patterns cannot say this part of their light (relRMSE) are cut into blocks */
     bool all_bounces;     /* rows are samples: form factors tell the first bounce only, see spread_light() */
+    const float *energy;  /* [node]: mean square of its light if every leaf shone for itself; NULL: light is as in training */
 } FitTask;
 
 /* Rows that follow each other, in an order that keeps neighbours together. */

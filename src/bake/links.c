@@ -13,7 +13,7 @@
 
 /* What patterns may miss of the light of a run of rows before it is cut (relRMSE): smaller blocks have fewer nodes. What
  * the samples' links miss is spread by one more gather, so they may miss more. */
-static const float SAMPLE_TOLERANCE = 0.4f, RECEIVER_TOLERANCE = 0.1f;
+static const float SAMPLE_TOLERANCE = 0.4f, RECEIVER_TOLERANCE = 0.05f;
 
 /* A block as it came out of the fit. */
 typedef struct Fitted {
@@ -322,7 +322,7 @@ ChiaroResult chiaro_bake_sample_links(Baker *baker)
     begin[count] = baker->sample_count;
     for (uint32_t s = baker->sample_count; s < baker->leaf_count; s++)
         memcpy(baker->carried + (size_t)s * columns, baker->direct + (size_t)s * columns, columns * sizeof *baker->carried);
-    FitTask task = {baker, baker->direct, baker->direct, baker->desc.links, baker->grey ? 1 : 3, SAMPLE_TOLERANCE, true};
+    FitTask task = {baker, baker->direct, baker->direct, baker->desc.links, baker->grey ? 1 : 3, SAMPLE_TOLERANCE, true, NULL};
     ChiaroResult result = fit_runs(baker, &task, begin, count, link_samples, &baker->sample_links,
                               &baker->info.sample_fit_error, &baker->info.sample_links);
     free(begin);
@@ -331,9 +331,32 @@ ChiaroResult chiaro_bake_sample_links(Baker *baker)
     return result;
 }
 
+/* Mean square of each node's light, over all training lights, if every leaf shone for itself. */
+static float *loose_energy(const Baker *baker)
+{
+    float *energy = malloc(baker->node_count * sizeof *energy);
+    for (uint32_t n = 0; energy && n < baker->leaf_count; n++) {
+        const float *light = baker->total + (size_t)n * baker->columns;
+        energy[n] = chiaro_dot(light, light, baker->columns) / (float)baker->columns;
+    }
+    for (uint32_t n = baker->leaf_count; energy && n < baker->node_count; n++) {
+        const ChiaroNode *node = &baker->nodes[n];
+        double sum = 0;
+        for (uint32_t k = node->source_first; k < node->source_first + node->source_count; k++)
+            sum += (double)baker->nodes[k].area * baker->nodes[k].area * energy[k];
+        energy[n] = (float)(sum / ((double)node->area * node->area));
+    }
+    return energy;
+}
+
 ChiaroResult chiaro_bake_receiver_links(Baker *baker)
 {
-    FitTask task = {baker, baker->total, baker->carried, baker->desc.links, 1, RECEIVER_TOLERANCE, false};
-    return fit_runs(baker, &task, baker->receiver_runs, baker->receiver_run_count, link_receivers, &baker->receiver_links,
-               &baker->info.fit_error, &baker->info.receiver_links);
+    float *energy = loose_energy(baker);
+    FitTask task = {baker, baker->total, baker->carried, baker->desc.links, 1, RECEIVER_TOLERANCE, false, energy};
+    if (!energy)
+        return CHIARO_ERROR_MEMORY;
+    ChiaroResult result = fit_runs(baker, &task, baker->receiver_runs, baker->receiver_run_count, link_receivers,
+                                   &baker->receiver_links, &baker->info.fit_error, &baker->info.receiver_links);
+    free(energy);
+    return result;
 }

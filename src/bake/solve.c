@@ -13,8 +13,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { CLUSTERS = 96, BLOCK = CHIARO_COLUMN_BLOCK, MAX_SWEEPS = 40 };
-static const float TOLERANCE = 3e-4f;
+enum { CLUSTERS = 256, BLOCK = CHIARO_COLUMN_BLOCK, MAX_SWEEPS = 40 };
+static const float TOLERANCE = 1e-3f;
 /* Mean square of a training light on the surfaces against that of its source, below which it is left out. */
 static const double LEAST_LIGHT = 1e-3;
 
