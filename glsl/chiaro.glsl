@@ -65,7 +65,7 @@ float chiaro_point_form(vec3 normal, float s, vec3 toward, float d)
 
 layout(std430, set = CHIARO_LIGHT_SET, binding = 0) readonly buffer ChiaroLights
 {
-    uvec4 chiaro_light_count;
+    uvec4 chiaro_light_count; /* of punctual lights; the same, and the sun of the sky behind them if it has one; unused */
     ChiaroGpuLight chiaro_lights[];
 };
 layout(set = CHIARO_LIGHT_SET, binding = 1) uniform sampler2DArray chiaro_face_shadows;
@@ -186,11 +186,11 @@ float chiaro_shadow(ChiaroGpuLight light, vec3 point, vec3 normal)
     return chiaro_shadow_mix(place, blocked * (1 - behind));
 }
 
-/* Irradiance from all lights at a place of a surface, with shadows. `geometric` is the normal of the triangle. */
-vec3 chiaro_punctual_irradiance(vec3 point, vec3 normal, vec3 geometric)
+/* Irradiance from lights [first, end) at a place of a surface, with shadows. `geometric` is the normal of the triangle. */
+vec3 chiaro_lights_irradiance(uint first, uint end, vec3 point, vec3 normal, vec3 geometric)
 {
     vec3 sum = vec3(0);
-    for (uint i = 0; i < chiaro_light_count.x; i++) {
+    for (uint i = first; i < end; i++) {
         ChiaroGpuLight light = chiaro_lights[i];
         vec3 toward = -light.direction.xyz;
         float attenuation = 1;
@@ -207,11 +207,23 @@ vec3 chiaro_punctual_irradiance(vec3 point, vec3 normal, vec3 geometric)
     return sum;
 }
 
+/* The part of it that is punctual. */
+vec3 chiaro_punctual_irradiance(vec3 point, vec3 normal, vec3 geometric)
+{
+    return chiaro_lights_irradiance(0, chiaro_light_count.x, point, normal, geometric);
+}
+
+/* The part of it that is indirect: what comes straight from the sun of the sky. */
+vec3 chiaro_sun_irradiance(vec3 point, vec3 normal, vec3 geometric)
+{
+    return chiaro_lights_irradiance(chiaro_light_count.x, chiaro_light_count.y, point, normal, geometric);
+}
+
 /* Irradiance of one moved-back point (ChiaroPoint): cull plane, shadow, disc law. */
 vec3 chiaro_point_irradiance(vec3 position, float cull, vec3 normal)
 {
     vec3 point = position + normal * cull, sum = vec3(0);
-    for (uint i = 0; i < chiaro_light_count.x; i++) {
+    for (uint i = 0; i < chiaro_light_count.y; i++) {
         ChiaroGpuLight light = chiaro_lights[i];
         float form;
         if (light.info.x == CHIARO_GPU_SUN) {

@@ -42,11 +42,11 @@ void main()
 
     vec3 received = vec3(0);
 #ifdef CHIARO_LIT
-    if (component != CHIARO_GPU_INDIRECT) {
-        vec3 geometric = normalize(cross(dFdx(v_offset), dFdy(v_offset)));
-        geometric = dot(geometric, v_offset) > 0 ? -geometric : geometric;
-        received = chiaro_punctual_irradiance(push.eye.xyz + v_offset, normalize(v_normal), geometric);
-    }
+    vec3 geometric = normalize(cross(dFdx(v_offset), dFdy(v_offset)));
+    geometric = dot(geometric, v_offset) > 0 ? -geometric : geometric;
+    /* The sun of the sky, which stands behind the others and is only there where it shines, is indirect light. */
+    uint first = component == CHIARO_GPU_INDIRECT ? chiaro_light_count.x : 0;
+    received = chiaro_lights_irradiance(first, chiaro_light_count.y, push.eye.xyz + v_offset, normalize(v_normal), geometric);
 #endif
     if (component != CHIARO_GPU_PUNCTUAL)
         received += max(v_irradiance, vec3(0));

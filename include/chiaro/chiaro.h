@@ -210,6 +210,16 @@ CHIARO_API ChiaroResult chiaro_sky_check(const ChiaroSky *sky);
  * @param rgb receives three floats. @thread_safety any thread. */
 CHIARO_API void chiaro_sky_radiance(const ChiaroSky *sky, const float direction[3], float rgb[3]);
 
+/** Takes the sun out of a sky: what is compact and stands above its surroundings, if it gives a surface that faces it a
+ * notable share of its light. Sky leaves (chiaro_sky_light) are too wide to show its edges; a light of its own does.
+ * Nothing is lost: sun and rest together are the sky. An overcast sky has no sun, nor has an image too coarse for one;
+ * of several the strongest is taken.
+ * @param sun receives a CHIARO_LIGHT_SUN. @param radius receives its angular radius in radians, below that of a leaf.
+ * Both untouched if there is none.
+ * @param rest receives width * height * 3 floats, all of the sky if there is no sun; may be the sky's own image, or NULL.
+ * @return true if there is a sun. @thread_safety any thread. */
+CHIARO_API bool chiaro_sky_split(const ChiaroSky *sky, ChiaroLight *sun, float *radius, float *rest);
+
 /** One texel fetch as every part of Chiaro filters textures: bilinear in linear light, without mip maps.
  * @param rgba receives four linear floats. @thread_safety any thread. */
 CHIARO_API void chiaro_texture_sample(const ChiaroScene *scene, uint32_t texture, const float uv[2], float rgba[4]);
@@ -374,6 +384,8 @@ CHIARO_API void chiaro_tree_sum(const ChiaroTransport *transport, float *values)
 CHIARO_API void chiaro_links_gather(const ChiaroLinks *links, const float *values, float *irradiance);
 
 /** The whole update on the CPU: direct light, sky, tree, sample gather, tree, receiver gather.
+ * Direct light of `lights` is not in it, only what they bounce. To have it agree with the renderer where the sky has a
+ * sun, pass what chiaro_sky_split() makes: the sun among the lights, the rest as the sky.
  * @param scratch 3 * (node_count + sample_count) floats. @param irradiance receives 3 * receiver_count floats.
  * @thread_safety any thread. */
 CHIARO_API void chiaro_transport_update(const ChiaroTransport *transport, const ChiaroLight *lights,

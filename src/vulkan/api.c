@@ -139,7 +139,7 @@ static ChiaroResult scene_load(ChiaroVulkan *context, const ChiaroVulkanLoad *lo
         return result;
     /* Old maps show the old scene. */
     context->lights.changed = true;
-    for (uint32_t i = 0; i < CHIARO_MAX_LIGHTS; i++)
+    for (uint32_t i = 0; i < CHIARO_LIGHT_SLOTS; i++)
         context->lights.stale[i] = true;
     result = chiaro_sky_prepare(context);
     if (result == CHIARO_OK)
@@ -221,7 +221,7 @@ static ChiaroResult settings_set(ChiaroVulkan *context, const ChiaroVulkanSettin
     if (!other_light)
         return chiaro_pipelines_prepare(context);
     /* What was left undone while it was not shown is done now. */
-    context->sky.changed = true;
+    context->sky.changed = context->lights.changed = true;
     return prepare(context);
 }
 
@@ -289,7 +289,7 @@ static const char *why_no_gi(const ChiaroVulkan *context)
 
 static bool has_kind(const ChiaroVulkan *context, bool six)
 {
-    for (uint32_t i = 0; i < context->lights.count; i++)
+    for (uint32_t i = 0; i < chiaro_vulkan_lights(context); i++)
         if ((context->lights.gpu[i].info[1] != 0) == six)
             return true;
     return false;
@@ -299,10 +299,11 @@ static void describe_lights(const ChiaroVulkan *context, FeatureList *list)
 {
     const LightState *lights = &context->lights;
     const ChiaroVulkanDesc *desc = &context->desc;
-    bool lit = chiaro_vulkan_lit(context), forward = chiaro_forward_lighting(context) & FORWARD_LIT;
+    bool lit = chiaro_vulkan_lights(context) > 0, punctual = context->scene.arena && lights->count > 0;
+    bool indirect = context->settings.component == CHIARO_COMPONENT_INDIRECT;
     uint64_t face = 4 * 6 * (uint64_t)desc->face_shadow_size * desc->face_shadow_size * lights->face_capacity;
     uint64_t wide = 4 * (uint64_t)desc->wide_shadow_size * desc->wide_shadow_size * lights->wide_capacity;
-    add_feature(list, "punctual light", lit && forward ? NULL : lit ? "the indirect component has none" : "no lights",
+    add_feature(list, "punctual light", !punctual ? "no lights" : indirect ? "the indirect component has none" : NULL,
                 "the scene has lights", lights->arena ? lights->bytes - face - wide : 0);
     add_feature(list, "face shadow maps", !lit ? "no lights" : has_kind(context, true) ? NULL : "no point lights",
                 "the scene has point lights", face);
@@ -320,7 +321,7 @@ static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features,
     const SceneState *scene = &context->scene;
     const char *no_gi = why_no_gi(context);
     FeatureList list = {features, features ? *count : 0, 0};
-    bool textured = false, masked = false, lit = chiaro_vulkan_lit(context);
+    bool textured = false, masked = false, lit = chiaro_vulkan_lights(context) > 0;
     for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++) {
         textured |= (scene->surfaces >> kind & 1) && (kind & SURFACE_TEXTURED);
         masked |= (scene->surfaces >> kind & 1) && (kind & SURFACE_MASKED);
@@ -336,6 +337,12 @@ static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features,
     bool sky_leaves = context->sky.set && scene->transport.sky_count > 0;
     add_feature(&list, "sky light", no_gi ? no_gi : !context->sky.set ? "no sky" : sky_leaves ? NULL : "sky is not seen",
                 "sky leaves of the tree", 0);
+    const char *no_sun = !context->sky.set ? "no sky" : !sky_leaves ? "sky is not seen" : NULL;
+    add_feature(&list, "sun of the sky", no_gi    ? no_gi
+                                         : no_sun ? no_sun
+                                         : context->sky.has_sun ? NULL
+                                                                : "no spot of the sky is worth a light",
+                "a light of its own", 0);
     bool full = context->settings.component == CHIARO_COMPONENT_FULL;
     add_feature(&list, "sky background", !context->sky.set ? "no sky" : full ? NULL : "only the full component has it",
                 "the sky is set", context->sky.bytes);

@@ -6,7 +6,7 @@
  *   pipelines.c  shaders, layouts, pipelines, each made when first needed
  *   scene.c      mesh, materials, textures, baked transport -> device
  *   lights.c     lights, shadow views and maps
- *   sky.c        the sky behind the picture and in the leaves of the tree
+ *   sky.c        the sky behind the picture, in the leaves of the tree, and its sun
  *   record.c     update and draw
  *
  * Nothing here is global. Steps that build something keep their first failure in the arena, so that they read as a list.
@@ -176,11 +176,14 @@ void chiaro_scene_release(ChiaroVulkan *context);
 
 /* ---- lights.c ----------------------------------------------------------------------------------------------------- */
 
+/* One more than the host may have: behind its lights comes the sun of the sky. */
+#define CHIARO_LIGHT_SLOTS (CHIARO_MAX_LIGHTS + 1)
+
 typedef struct LightState {
     ChiaroLight lights[CHIARO_MAX_LIGHTS];
-    ChiaroGpuLight gpu[CHIARO_MAX_LIGHTS];
-    bool stale[CHIARO_MAX_LIGHTS]; /* its shadow map must be drawn */
-    uint32_t count;
+    ChiaroGpuLight gpu[CHIARO_LIGHT_SLOTS];
+    bool stale[CHIARO_LIGHT_SLOTS]; /* its shadow map must be drawn */
+    uint32_t count;                 /* of the host's */
     bool changed;
     Arena *arena;
     DeviceBuffer buffer;
@@ -201,7 +204,10 @@ void chiaro_lights_release(ChiaroVulkan *context);
 typedef struct SkyState {
     bool set;
     bool changed;  /* the values of the leaves must go to the device */
-    ChiaroSky sky; /* a copy: later scenes need it too */
+    ChiaroSky sky; /* a copy, without the sun: later scenes need it too */
+    bool has_sun;
+    ChiaroLight sun;
+    float sun_radius;
     float *values; /* four floats a sky leaf of the scene; NULL: black */
     Arena *arena;
     VkImage image;
@@ -245,11 +251,6 @@ struct ChiaroVulkan {
 
 bool chiaro_functions_load(ChiaroVulkan *context);
 
-static inline bool chiaro_vulkan_lit(const ChiaroVulkan *context)
-{
-    return context->scene.arena && context->lights.count > 0;
-}
-
 /* Bounce light is wanted, possible, and not black. */
 static inline bool chiaro_vulkan_gi(const ChiaroVulkan *context)
 {
@@ -259,11 +260,24 @@ static inline bool chiaro_vulkan_gi(const ChiaroVulkan *context)
             (context->sky.set && context->scene.transport.sky_count > 0));
 }
 
-/* The FORWARD_ bits of the state: shadowed lights are not in the pipelines of the indirect component. */
+/* The sun of the sky shines: a light with a shadow, that counts as indirect as all light of the sky does. */
+static inline bool chiaro_vulkan_sun(const ChiaroVulkan *context)
+{
+    return context->sky.has_sun && context->scene.transport.sky_count > 0 && chiaro_vulkan_gi(context);
+}
+
+/* Lights that shine: the host's, and the sun of the sky. */
+static inline uint32_t chiaro_vulkan_lights(const ChiaroVulkan *context)
+{
+    return context->scene.arena ? context->lights.count + chiaro_vulkan_sun(context) : 0;
+}
+
+/* The FORWARD_ bits of the state: the host's lights are not in the pipelines of the indirect component. */
 static inline uint32_t chiaro_forward_lighting(const ChiaroVulkan *context)
 {
-    bool punctual = chiaro_vulkan_lit(context) && context->settings.component != CHIARO_COMPONENT_INDIRECT;
-    return (punctual ? FORWARD_LIT : 0u) | (chiaro_vulkan_gi(context) ? FORWARD_GI : 0u);
+    bool indirect = context->settings.component == CHIARO_COMPONENT_INDIRECT;
+    bool lit = indirect ? chiaro_vulkan_sun(context) : chiaro_vulkan_lights(context) > 0;
+    return (lit ? FORWARD_LIT : 0u) | (chiaro_vulkan_gi(context) ? FORWARD_GI : 0u);
 }
 
 static inline bool chiaro_vulkan_background(const ChiaroVulkan *context)

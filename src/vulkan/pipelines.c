@@ -487,7 +487,7 @@ ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
         return CHIARO_ERROR_MEMORY;
     if (!context->pipeline_arena && !(context->pipeline_arena = chiaro_arena_create(context)))
         return CHIARO_ERROR_MEMORY;
-    bool lit = chiaro_vulkan_lit(context), gi = chiaro_vulkan_gi(context);
+    bool lit = chiaro_vulkan_lights(context) > 0, gi = chiaro_vulkan_gi(context);
     uint32_t lighting = chiaro_forward_lighting(context);
     for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++)
         if ((context->scene.surfaces >> kind & 1) && !context->forward[lighting][kind].pipeline)

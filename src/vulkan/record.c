@@ -146,7 +146,7 @@ static void record_shadow_maps(ChiaroVulkan *context, VkCommandBuffer commands)
     if (lights->fresh)
         give_layouts(context, commands);
     lights->fresh = false;
-    for (uint32_t i = 0; i < lights->count; i++) {
+    for (uint32_t i = 0; i < chiaro_vulkan_lights(context); i++) {
         uint32_t faces = lights->gpu[i].info[1] ? 6 : 1;
         for (uint32_t face = 0; lights->stale[i] && face < faces; face++)
             record_shadow_map(context, commands, &lights->gpu[i], face);
@@ -197,7 +197,7 @@ static void record_tree(ChiaroVulkan *context, VkCommandBuffer commands, uint32_
 static void record_gi(ChiaroVulkan *context, VkCommandBuffer commands)
 {
     const ChiaroTransport *t = &context->scene.transport;
-    uint32_t lit = chiaro_vulkan_lit(context) ? GI_SAMPLES_LIT : GI_SAMPLES_DARK;
+    uint32_t lit = chiaro_vulkan_lights(context) > 0 ? GI_SAMPLES_LIT : GI_SAMPLES_DARK;
     ChiaroComputePush samples = {.range = {0, t->sample_count}};
     dispatch(context, commands, lit, t->sample_count, &samples);
     record_tree(context, commands, 0);
@@ -225,9 +225,9 @@ static void write_buffer(ChiaroVulkan *context, VkCommandBuffer commands, Device
 static void write_lights(ChiaroVulkan *context, VkCommandBuffer commands)
 {
     const LightState *lights = &context->lights;
-    const uint32_t count[4] = {lights->count, 0, 0, 0};
+    const uint32_t count[4] = {lights->count, chiaro_vulkan_lights(context), 0, 0};
     write_buffer(context, commands, lights->buffer, 0, count, sizeof count);
-    write_buffer(context, commands, lights->buffer, sizeof count, lights->gpu, lights->count * sizeof lights->gpu[0]);
+    write_buffer(context, commands, lights->buffer, sizeof count, lights->gpu, count[1] * sizeof lights->gpu[0]);
 }
 
 /* No sky: black. */
@@ -251,7 +251,7 @@ static void fill_sky_image(ChiaroVulkan *context, VkCommandBuffer commands)
 
 void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands)
 {
-    bool lit = chiaro_vulkan_lit(context), gi = chiaro_vulkan_gi(context);
+    bool lit = chiaro_vulkan_lights(context) > 0, gi = chiaro_vulkan_gi(context);
     bool lights = lit && context->lights.changed, leaves = gi && context->sky.changed;
     bool bounce = gi && context->gi_changed;
     context->dispatches = context->shadow_passes = 0;
