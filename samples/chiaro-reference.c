@@ -128,7 +128,8 @@ static void open_input(const SceneOptions *options, const ChiaroLog *log, Input 
     objects_open(options, &input->read, &input->objects);
     if (input->objects.count == 0)
         return;
-    if (!objects_merge(&input->objects, still, (double)options->time, &input->merged))
+    const double time = (double)options->time;
+    if (!objects_merge(&input->objects, still, &time, &input->merged))
         options_fail(options, CHIARO_EXIT_INPUT, "out of memory");
     input->scene = &input->merged.scene;
 }

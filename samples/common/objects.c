@@ -151,19 +151,27 @@ static void append(ChiaroScene *scene, Arrays *to, const ChiaroScene *base, cons
     scene->part_count += from->part_count;
 }
 
-bool objects_merge(const SceneObjects *objects, const ChiaroScene *base, double time, MergedScene *merged)
+/* A source of nothing may be NULL. */
+static void copy(void *to, const void *from, size_t count, size_t size)
+{
+    if (count > 0)
+        memcpy(to, from, count * size);
+}
+
+bool objects_merge(const SceneObjects *objects, const ChiaroScene *base, const double *time, MergedScene *merged)
 {
     Arrays *arrays = create_arrays(objects, base);
     *merged = (MergedScene){.scene = *base, .first_object_part = base->part_count, .memory = arrays};
     if (!arrays)
         return false;
-    memcpy(arrays->vertices, base->vertices, base->vertex_count * sizeof *arrays->vertices);
-    memcpy(arrays->indices, base->indices, base->index_count * sizeof *arrays->indices);
-    memcpy(arrays->parts, base->parts, base->part_count * sizeof *arrays->parts);
-    memcpy(arrays->materials, base->materials, base->material_count * sizeof *arrays->materials);
+    copy(arrays->vertices, base->vertices, base->vertex_count, sizeof *arrays->vertices);
+    copy(arrays->indices, base->indices, base->index_count, sizeof *arrays->indices);
+    copy(arrays->parts, base->parts, base->part_count, sizeof *arrays->parts);
+    copy(arrays->materials, base->materials, base->material_count, sizeof *arrays->materials);
     for (uint32_t i = 0; i < objects->count; i++) {
-        float transform[16];
-        objects_transform(objects, i, time, transform);
+        float transform[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+        if (time)
+            objects_transform(objects, i, *time, transform);
         append(&merged->scene, arrays, base, objects->list[i].scene, transform);
     }
     merged->scene.vertices = arrays->vertices;

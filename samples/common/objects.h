@@ -36,7 +36,8 @@ typedef struct MergedScene {
     void *memory;
 } MergedScene;
 
-bool objects_merge(const SceneObjects *objects, const ChiaroScene *base, double time, MergedScene *merged);
+/* At a moment; NULL: each in its own space. */
+bool objects_merge(const SceneObjects *objects, const ChiaroScene *base, const double *time, MergedScene *merged);
 void objects_free_merged(MergedScene *merged);
 
 #endif
