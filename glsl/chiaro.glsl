@@ -362,6 +362,100 @@ vec3 chiaro_object_irradiance(ChiaroGpuObject object, vec3 cavity, vec3 bent, uv
     return max(cavity * sum, vec3(0));
 }
 
+/* What stands for an object where it blocks light: ChiaroWorldBlocker. */
+struct ChiaroBlocker {
+    vec4 center;  /* w: reach */
+    vec3 normal;
+    uint plate;
+    vec4 axes[6]; /* radiance, and projected area */
+    uvec4 object;
+};
+layout(std430, set = CHIARO_OBJECT_SET, binding = 3) readonly buffer ChiaroBlockers
+{
+    ChiaroBlocker chiaro_blockers[];
+};
+layout(std430, set = CHIARO_OBJECT_SET, binding = 4) readonly buffer ChiaroCells
+{
+    ChiaroGpuGrid chiaro_grid;
+    uint chiaro_cells[]; /* where the entries of each cell begin, then the entries */
+};
+
+/* Form factor of a sphere. Twin of chiaro_sphere_form. */
+float chiaro_sphere_form(vec3 way, vec3 normal, float radius)
+{
+    float away = length(way), cosine = clamp(dot(normal, way) / max(away, 1e-20), -1, 1);
+    if (away <= radius)
+        return (1 + cosine) / 2;
+    float ratio = radius / away;
+    if (cosine >= ratio)
+        return ratio * ratio * cosine;
+    if (cosine <= -ratio)
+        return 0;
+    /* Across the horizon (Howell's catalogue, B-19). */
+    float sine = sqrt(1 - cosine * cosine), x = sqrt((1 - ratio) * (1 + ratio)) / ratio;
+    float y = clamp(-x * cosine / sine, -1, 1), root = sqrt(1 - y * y);
+    return max(0, (ratio * ratio * (cosine * acos(y) - x * sine * root) + atan(sine * root, x)) / chiaro_pi);
+}
+
+/* Twin of chiaro_plate_form. */
+float chiaro_plate_form(vec3 way, vec3 normal, vec3 facing, float area)
+{
+    float square = dot(way, way), height = dot(normal, way), front = -dot(facing, way), cosine = dot(normal, facing);
+    float rise = sqrt(area / chiaro_pi * max(0, 1 - cosine * cosine));
+    if (front <= 0 || square <= 0 || area <= 0 || height <= -rise)
+        return 0;
+    if (height < rise)
+        height = (height + rise) * (height + rise) / (4 * rise);
+    return min(1, height * front * area / (square * (chiaro_pi * square + area)));
+}
+
+/* Form of a blocker over a receiver, and its radiance toward it. */
+float chiaro_blocker_form(uint number, vec3 point, vec3 normal, out vec3 radiance)
+{
+    vec4 center = chiaro_blockers[number].center;
+    vec3 way = center.xyz - point;
+    float ratio = dot(way, way) / (center.w * center.w), window = 1 - ratio * ratio;
+    radiance = vec3(0);
+    if (window <= 0)
+        return 0;
+    if (chiaro_blockers[number].plate != 0) {
+        vec4 face = chiaro_blockers[number].axes[0];
+        radiance = face.rgb;
+        return window * chiaro_plate_form(way, normal, chiaro_blockers[number].normal, face.w);
+    }
+    vec3 w = -normalize(way);
+    vec4 seen = w.x * w.x * chiaro_blockers[number].axes[w.x < 0 ? 1 : 0] +
+                w.y * w.y * chiaro_blockers[number].axes[w.y < 0 ? 3 : 2] +
+                w.z * w.z * chiaro_blockers[number].axes[w.z < 0 ? 5 : 4];
+    radiance = seen.rgb;
+    return window * chiaro_sphere_form(way, normal, sqrt(seen.w / chiaro_pi));
+}
+
+/* What objects do to a point of a static surface: irradiance' = open * irradiance + bounce. Twin of chiaro_world_blocked. */
+float chiaro_blocked(vec3 point, vec3 normal, out vec3 bounce)
+{
+    vec3 place = (point - chiaro_grid.low.xyz) * chiaro_grid.low.w;
+    bounce = vec3(0);
+    if (any(lessThan(place, vec3(0))) || any(greaterThanEqual(place, vec3(chiaro_grid.count.xyz))))
+        return 1;
+    uvec3 cell = uvec3(place);
+    uint number = cell.x + chiaro_grid.count.x * (cell.y + chiaro_grid.count.y * cell.z), last = ~0u;
+    float open = 1, sum = 0;
+    for (uint k = chiaro_cells[number]; k < chiaro_cells[number + 1]; k++) {
+        uint blocker = chiaro_cells[chiaro_grid.count.w + k], object = chiaro_blockers[blocker].object.x;
+        if (object != last) {
+            open *= 1 - min(1, sum);
+            sum = 0;
+            last = object;
+        }
+        vec3 radiance;
+        float form = chiaro_blocker_form(blocker, point, normal, radiance);
+        sum += form;
+        bounce += radiance * (chiaro_pi * form);
+    }
+    return open * (1 - min(1, sum));
+}
+
 #endif
 
 #endif

@@ -257,7 +257,7 @@ typedef struct ObjectsState {
     void *user;
     uint32_t cubes; /* an update */
     SceneState meshes;
-    Arena *arena;
+    Arena *arena, *read_arena; /* the second: memory that the host reads */
     bool has_gi;
     DeviceBuffer instances, vertices, scale_buffer, cube_buffer, blockers, grid, read_back;
     VkDescriptorSet set;

@@ -125,14 +125,27 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
     if (gi) {
         state->vertices = chiaro_arena_buffer(context, arena, info->scene->vertex_count * sizeof(ChiaroObjectVertex),
                                               VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | copied, false, bytes);
-        if (context->scene.gi_arena)
-            state->read_back = chiaro_arena_buffer(context, arena, context->scene.values.size, copied, true, bytes);
     }
     chiaro_arena_bind(context, arena);
     VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, OBJECT_BINDINGS, 0);
     state->set = chiaro_set_create(context, arena, pool, context->layouts.objects);
     for (uint32_t i = 0; i < OBJECT_BINDINGS && arena->result == CHIARO_OK; i++)
         chiaro_set_buffer(context, state->set, i, *wanted[i].buffer);
+    return arena->result;
+}
+
+/* Memory that the host sees, for the light of the static scene. */
+static ChiaroResult create_read_back(ChiaroVulkan *context)
+{
+    ObjectsState *state = &context->objects;
+    if (!state->has_gi || !context->scene.gi_arena)
+        return CHIARO_OK;
+    Arena *arena = state->read_arena = chiaro_arena_create(context);
+    if (!arena)
+        return CHIARO_ERROR_MEMORY;
+    state->read_back = chiaro_arena_buffer(context, arena, context->scene.values.size, VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                                           true, &state->bytes);
+    chiaro_arena_bind(context, arena);
     return arena->result;
 }
 
@@ -191,6 +204,8 @@ ChiaroResult chiaro_objects_load(ChiaroVulkan *context, const ChiaroVulkanObject
     if (result == CHIARO_OK)
         result = create_buffers(context, info);
     if (result == CHIARO_OK)
+        result = create_read_back(context);
+    if (result == CHIARO_OK)
         result = fill_vertices(context, info);
     if (result == CHIARO_OK)
         result = chiaro_objects_sky(context);
@@ -205,6 +220,7 @@ void chiaro_objects_release(ChiaroVulkan *context)
     ObjectsState *state = &context->objects;
     chiaro_scene_release(context, &state->meshes);
     chiaro_arena_retire(context, &state->arena);
+    chiaro_arena_retire(context, &state->read_arena);
     void *lists[] = {state->meshes_by_number, state->shown, state->slots, state->scales,
                      state->colors,           state->painted, state->encoded};
     for (uint32_t i = 0; i < sizeof lists / sizeof *lists; i++)
@@ -269,7 +285,7 @@ static void take_light(ChiaroVulkan *context, uint64_t completed)
 {
     ObjectsState *state = &context->objects;
     if (state->read_frame != 0 && state->read_frame <= completed) {
-        hand_over(context, state->arena->mapped);
+        hand_over(context, state->read_arena->mapped);
         state->read_frame = 0;
     }
     /* Nothing is gathered: what objects get is the sky, and lights by way of each other. */

@@ -10,6 +10,10 @@
 
 #include "spirv/forward.frag.h"
 #include "spirv/forward.vert.h"
+#include "spirv/forward_blocked.frag.h"
+#include "spirv/forward_blocked_lit.frag.h"
+#include "spirv/forward_blocked_lit_textured.frag.h"
+#include "spirv/forward_blocked_textured.frag.h"
 #include "spirv/forward_gi.vert.h"
 #include "spirv/forward_lit.frag.h"
 #include "spirv/forward_lit_textured.frag.h"
@@ -388,12 +392,18 @@ static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lig
     Pipeline made = {create_layout(context, arena, 4, sets, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT,
                                    sizeof(ChiaroForwardPush)),
                      VK_NULL_HANDLE};
-    Shader lit_fragment = textured ? SHADER(forward_lit_textured_frag) : SHADER(forward_lit_frag);
-    Shader fragment = textured ? SHADER(forward_textured_frag) : SHADER(forward_frag);
+    const Shader fragments[8] = {SHADER(forward_frag),
+                                 SHADER(forward_lit_frag),
+                                 SHADER(forward_textured_frag),
+                                 SHADER(forward_lit_textured_frag),
+                                 SHADER(forward_blocked_frag),
+                                 SHADER(forward_blocked_lit_frag),
+                                 SHADER(forward_blocked_textured_frag),
+                                 SHADER(forward_blocked_lit_textured_frag)};
     Shader still_vertex = gi ? SHADER(forward_gi_vert) : SHADER(forward_vert);
     Shader object_vertex = gi ? SHADER(object_gi_vert) : SHADER(object_vert);
     GraphicsDesc desc = {.vertex = object ? object_vertex : still_vertex,
-                         .fragment = lit ? lit_fragment : fragment,
+                         .fragment = fragments[4 * blocked + 2 * textured + lit],
                          .constants = &specialization,
                          .input = &input,
                          .layout = made.layout,
