@@ -57,37 +57,55 @@ static Vec3 element_place(const Baker *baker, uint32_t e)
  * Rays
  */
 
-/* Where the rays of vertices start, and above which plane. */
+typedef struct Corner {
+    Vec3 cross, inward; /* of the triangle: twice its area along its normal; from the corner to its centre */
+    uint32_t vertex;
+} Corner;
+
+static Corner corner_of(const ChiaroScene *scene, uint32_t index)
+{
+    Vec3 c[3];
+    uint32_t first = index / 3 * 3;
+    for (uint32_t k = 0; k < 3; k++)
+        c[k] = vec3_load(scene->vertices[scene->indices[first + k]].position);
+    Vec3 middle = vec3_scale(vec3_add(c[0], vec3_add(c[1], c[2])), 1.0f / 3);
+    return (Corner){vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0])), vec3_sub(middle, c[index - first]),
+                    scene->indices[index]};
+}
+
+/* Where the rays of vertices start, and above which plane: a little inside the triangles around, so that a vertex in a
+ * corner sees what they see; but above all of them, for on a round surface inside is below. */
 static bool survey_vertices(ObjectBaker *job)
 {
     const ChiaroScene *scene = job->baker.scene;
     uint32_t *corners = calloc(scene->vertex_count + (size_t)1, sizeof *corners);
+    float *lift = calloc(scene->vertex_count + (size_t)1, sizeof *lift);
     job->origin = calloc(scene->vertex_count + (size_t)1, sizeof *job->origin);
     job->plane = calloc(scene->vertex_count + (size_t)1, sizeof *job->plane);
-    for (uint32_t i = 0; corners && job->origin && job->plane && i < scene->index_count; i += 3) {
-        Vec3 c[3];
-        for (uint32_t k = 0; k < 3; k++)
-            c[k] = vec3_load(scene->vertices[scene->indices[i + k]].position);
-        Vec3 cross = vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0]));
-        Vec3 middle = vec3_scale(vec3_add(c[0], vec3_add(c[1], c[2])), 1.0f / 3);
-        for (uint32_t k = 0; k < 3; k++) {
-            uint32_t v = scene->indices[i + k];
-            job->plane[v] = vec3_add(job->plane[v], cross);
-            job->origin[v] = vec3_add(job->origin[v], vec3_sub(middle, c[k]));
-            corners[v]++;
-        }
+    bool ok = corners && lift && job->origin && job->plane;
+    for (uint32_t i = 0; ok && i < scene->index_count; i++) {
+        Corner corner = corner_of(scene, i);
+        job->plane[corner.vertex] = vec3_add(job->plane[corner.vertex], corner.cross);
+        job->origin[corner.vertex] = vec3_mad(job->origin[corner.vertex], corner.inward, INWARD);
+        corners[corner.vertex]++;
     }
-    bool ok = corners && job->origin && job->plane;
     for (uint32_t v = 0; ok && v < scene->vertex_count; v++) {
-        Vec3 place = vec3_load(scene->vertices[v].position);
-        if (corners[v])
-            place = vec3_mad(place, job->origin[v], INWARD / (float)corners[v]);
-        job->origin[v] = place;
+        job->origin[v] = vec3_scale(job->origin[v], 1 / fmaxf(1, (float)corners[v]));
         job->plane[v] = vec3_normalize(job->plane[v]);
         if (!(vec3_dot(job->plane[v], job->plane[v]) > 0))
             job->plane[v] = vec3_load(scene->vertices[v].normal);
     }
+    for (uint32_t i = 0; ok && i < scene->index_count; i++) {
+        Corner corner = corner_of(scene, i);
+        Vec3 normal = vec3_normalize(corner.cross);
+        float rise = vec3_dot(normal, job->plane[corner.vertex]), below = -vec3_dot(normal, job->origin[corner.vertex]);
+        if (rise > 0.1f)
+            lift[corner.vertex] = fmaxf(lift[corner.vertex], below / rise);
+    }
+    for (uint32_t v = 0; ok && v < scene->vertex_count; v++)
+        job->origin[v] = vec3_mad(vec3_add(vec3_load(scene->vertices[v].position), job->origin[v]), job->plane[v], lift[v]);
     free(corners);
+    free(lift);
     return ok;
 }
 
