@@ -4,9 +4,40 @@
 #include <stdlib.h>
 #include <time.h>
 
+/* Shadow rays start so many radii above a surface. */
+#define START 1e-3f
+
+/* True if the object is in the way. Poses turn, scale evenly and move. */
+static bool blocks(const ChiaroRays *own, const ChiaroObject *object, const float m[16], Vec3 from, Vec3 way, float end)
+{
+    Vec3 x = vec3_load(m), y = vec3_load(m + 4), z = vec3_load(m + 8), c = vec3_load(object->center);
+    float size = vec3_length(x), shrink = 1 / vec3_dot(x, x), radius = object->radius * size;
+    Vec3 center = vec3_mad(vec3_mad(vec3_mad(vec3_load(m + 12), x, c.x), y, c.y), z, c.z);
+    Vec3 line = vec3_sub(center, from);
+    float along = fmaxf(0, fminf(end, vec3_dot(line, way)));
+    if (vec3_length(vec3_mad(line, way, -along)) > radius)
+        return false;
+    Vec3 start = vec3_sub(from, vec3_load(m + 12));
+    start = vec3_scale(vec3(vec3_dot(x, start), vec3_dot(y, start), vec3_dot(z, start)), shrink);
+    Vec3 direction = vec3_scale(vec3(vec3_dot(x, way), vec3_dot(y, way), vec3_dot(z, way)), 1 / size);
+    return chiaro_rays_blocked(own, start, direction, 0, end / size);
+}
+
 static bool sees_light(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
 {
-    return chiaro_rays_light_visible(user, light, vec3_load(point), vec3_load(normal));
+    const Moving *moving = user;
+    float toward[3], distance, rgb[3];
+    Vec3 p = vec3_load(point), n = vec3_load(normal);
+    if (!chiaro_rays_light_visible(moving->rays, light, p, n))
+        return false;
+    chiaro_light_at(light, point, toward, &distance, rgb);
+    for (uint32_t i = 0; i < moving->objects.count; i++) {
+        /* An element of a round thing lies a little within it. */
+        Vec3 start = vec3_mad(p, n, START * moving->baked[i].radius);
+        if (blocks(moving->own[i], &moving->baked[i], moving->poses[i], start, vec3_load(toward), distance))
+            return false;
+    }
+    return true;
 }
 
 static void must(const SceneOptions *options, const char *name, ChiaroResult result)
@@ -31,6 +62,7 @@ static void bake_objects(const SceneOptions *options, Moving *moving)
         const SceneObject *object = &moving->objects.list[i];
         ChiaroBlob *blob = &moving->blobs[i];
         must(options, object->name, chiaro_bake_object(object->scene, &desc, blob));
+        must(options, object->name, chiaro_rays_create(object->scene, NULL, &moving->own[i]));
         must(options, object->name, chiaro_object_open(blob->data, blob->size, &moving->baked[i], NULL));
     }
     moving->seconds = now() - start;
@@ -51,9 +83,9 @@ static void create_world(const SceneOptions *options, const ChiaroTransport *tra
     must(options, "all", chiaro_world_create(&desc, &moving->world));
     for (uint32_t i = 0; i < moving->objects.count; i++) {
         const SceneObject *object = &moving->objects.list[i];
-        float transform[16];
-        objects_transform(&moving->objects, i, (double)options->time, transform);
-        must(options, object->name, chiaro_object_add(moving->world, &moving->baked[i], transform, &moving->ids[i]));
+        float *pose = moving->poses[i];
+        objects_transform(&moving->objects, i, (double)options->time, pose);
+        must(options, object->name, chiaro_object_add(moving->world, &moving->baked[i], pose, &moving->ids[i]));
     }
 }
 
@@ -75,7 +107,9 @@ void moving_open(const SceneOptions *options, const ChiaroIoScene *file, const C
     moving->blobs = calloc(count, sizeof *moving->blobs);
     moving->baked = calloc(count, sizeof *moving->baked);
     moving->ids = calloc(count, sizeof *moving->ids);
-    if (!moving->blobs || !moving->baked || !moving->ids ||
+    moving->own = calloc(count, sizeof *moving->own);
+    moving->poses = calloc(count, sizeof *moving->poses);
+    if (!moving->blobs || !moving->baked || !moving->ids || !moving->own || !moving->poses ||
         !objects_merge(&moving->objects, &shared, NULL, &moving->meshes))
         options_fail(options, CHIARO_EXIT_INPUT, "out of memory");
     must(options, "all", chiaro_rays_create(&transport->scene, NULL, &moving->rays));
@@ -88,8 +122,13 @@ void moving_close(Moving *moving)
     chiaro_world_destroy(moving->world);
     if (moving->rays)
         chiaro_rays_destroy(moving->rays);
-    for (uint32_t i = 0; moving->blobs && i < moving->objects.count; i++)
+    for (uint32_t i = 0; moving->blobs && i < moving->objects.count; i++) {
         chiaro_blob_free(&moving->blobs[i]);
+        if (moving->own[i])
+            chiaro_rays_destroy(moving->own[i]);
+    }
+    free(moving->own);
+    free(moving->poses);
     free(moving->blobs);
     free(moving->baked);
     free(moving->ids);
@@ -98,8 +137,8 @@ void moving_close(Moving *moving)
     *moving = (Moving){0};
 }
 
-ChiaroResult moving_load(const Moving *moving, const ChiaroVulkanApi *api, ChiaroVulkan *chiaro,
-                         VkCommandBuffer commands, uint64_t frame)
+ChiaroResult moving_load(Moving *moving, const ChiaroVulkanApi *api, ChiaroVulkan *chiaro, VkCommandBuffer commands,
+                         uint64_t frame)
 {
     uint32_t count = moving->objects.count, part = 0, vertex = 0;
     ChiaroVulkanMesh *meshes = calloc((size_t)count + 1, sizeof *meshes);
@@ -118,7 +157,7 @@ ChiaroResult moving_load(const Moving *moving, const ChiaroVulkanApi *api, Chiar
                                          .scene = &moving->meshes.scene,
                                          .world = moving->world,
                                          .visible = sees_light,
-                                         .user = moving->rays,
+                                         .user = moving,
                                          .cubes = moving->desc.cubes,
                                          .command_buffer = commands,
                                          .frame = frame};
@@ -129,13 +168,13 @@ ChiaroResult moving_load(const Moving *moving, const ChiaroVulkanApi *api, Chiar
     return result;
 }
 
-void moving_pose(const SceneOptions *options, const Moving *moving, double time, float radius, float turn)
+void moving_pose(const SceneOptions *options, Moving *moving, double time, float radius, float turn)
 {
     for (uint32_t i = 0; i < moving->objects.count; i++) {
-        float transform[16];
-        objects_transform(&moving->objects, i, time, transform);
-        transform[12] += radius * cosf(turn + (float)i);
-        transform[14] += radius * sinf(turn + (float)i);
-        must(options, moving->objects.list[i].name, chiaro_object_move(moving->world, moving->ids[i], transform));
+        float *pose = moving->poses[i];
+        objects_transform(&moving->objects, i, time, pose);
+        pose[12] += radius * cosf(turn + (float)i);
+        pose[14] += radius * sinf(turn + (float)i);
+        must(options, moving->objects.list[i].name, chiaro_object_move(moving->world, moving->ids[i], pose));
     }
 }

@@ -20,7 +20,9 @@ typedef struct Moving {
     ChiaroObject *baked;
     uint32_t *ids; /* in the world */
     ChiaroWorld *world;
-    ChiaroRays *rays; /* of the static scene: shadows of light that objects pass on */
+    ChiaroRays *rays;  /* of the static scene: shadows of light that objects pass on ... */
+    ChiaroRays **own;  /* ... and of each object, in its own space */
+    float (*poses)[16]; /* where each of them is */
     MovingDesc desc;
     double seconds;   /* that baking took */
 } Moving;
@@ -32,11 +34,11 @@ void moving_open(const SceneOptions *options, const ChiaroIoScene *file, const C
 void moving_close(Moving *moving);
 
 /* Hands them to the renderer; the scene must have been loaded. */
-ChiaroResult moving_load(const Moving *moving, const ChiaroVulkanApi *api, ChiaroVulkan *chiaro,
-                         VkCommandBuffer commands, uint64_t frame);
+ChiaroResult moving_load(Moving *moving, const ChiaroVulkanApi *api, ChiaroVulkan *chiaro, VkCommandBuffer commands,
+                         uint64_t frame);
 
 /* Where they are at a moment, each moved sideways on a circle: `radius` 0 leaves them in place. Exits with one line if
  * that is no place. */
-void moving_pose(const SceneOptions *options, const Moving *moving, double time, float radius, float turn);
+void moving_pose(const SceneOptions *options, Moving *moving, double time, float radius, float turn);
 
 #endif
