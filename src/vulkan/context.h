@@ -109,8 +109,8 @@ void *chiaro_upload_image(ChiaroVulkan *context, Upload *upload, VkImage image, 
 
 /* Bits of a kind of surface: which forward pipeline draws it. */
 enum { SURFACE_TEXTURED = 1, SURFACE_MASKED = 2, SURFACE_KINDS = 4 };
-/* Bits of what lights it. */
-enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_KINDS = 4 };
+/* Bits of what lights it: lights with shadows, bounce light, the sun of the sky (which is one of the lights). */
+enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_SUN = 4, FORWARD_KINDS = 8 };
 enum { GI_SAMPLES_LIT, GI_SAMPLES_DARK, GI_TREE, GI_GATHER_SAMPLES, GI_GATHER_RECEIVERS, GI_PASSES };
 enum { SHADOW_OPAQUE, SHADOW_MASKED, SHADOW_MASKED_TEXTURED, SHADOW_KINDS };
 
@@ -275,9 +275,9 @@ static inline uint32_t chiaro_vulkan_lights(const ChiaroVulkan *context)
 /* The FORWARD_ bits of the state: the host's lights are not in the pipelines of the indirect component. */
 static inline uint32_t chiaro_forward_lighting(const ChiaroVulkan *context)
 {
-    bool indirect = context->settings.component == CHIARO_COMPONENT_INDIRECT;
-    bool lit = indirect ? chiaro_vulkan_sun(context) : chiaro_vulkan_lights(context) > 0;
-    return (lit ? FORWARD_LIT : 0u) | (chiaro_vulkan_gi(context) ? FORWARD_GI : 0u);
+    bool sun = chiaro_vulkan_sun(context), indirect = context->settings.component == CHIARO_COMPONENT_INDIRECT;
+    bool lit = indirect ? sun : chiaro_vulkan_lights(context) > 0;
+    return (lit ? FORWARD_LIT : 0u) | (chiaro_vulkan_gi(context) ? FORWARD_GI : 0u) | (sun ? FORWARD_SUN : 0u);
 }
 
 static inline bool chiaro_vulkan_background(const ChiaroVulkan *context)
