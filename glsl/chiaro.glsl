@@ -67,7 +67,7 @@ float chiaro_point_form(vec3 normal, float s, vec3 toward, float d)
 
 layout(std430, set = CHIARO_LIGHT_SET, binding = 0) readonly buffer ChiaroLights
 {
-    uvec4 chiaro_light_count; /* of punctual lights; the same, and the sun of the sky behind them if it has one; unused */
+    uvec4 chiaro_light_count; /* punctual; with the sun of the sky, which follows them; unused */
     ChiaroGpuLight chiaro_lights[];
 };
 layout(set = CHIARO_LIGHT_SET, binding = 1) uniform sampler2DArray chiaro_face_shadows;
@@ -188,11 +188,56 @@ float chiaro_shadow(ChiaroGpuLight light, vec3 point, vec3 normal)
     return chiaro_shadow_mix(place, blocked * (1 - behind));
 }
 
-/* Irradiance from lights [first, end) at a place of a surface, with shadows. `geometric` is the normal of the triangle. */
-vec3 chiaro_lights_irradiance(uint first, uint end, vec3 point, vec3 normal, vec3 geometric)
+/* True where a texel, `x` and `y` texels away, blocks a part of the sun's disc. `spread` is how many texels wide the disc
+ * is for what lies by a q of 1 before the place. What is too low for its distance stands beside the disc: a wall that
+ * rises from the place's own floor. */
+vec4 chiaro_disc_blocked(ChiaroShadowPlace place, vec2 spread, vec4 stored, vec4 x, vec4 y)
+{
+    vec4 plane = place.q + place.gradient.x * x + place.gradient.y * y;
+    vec4 u = x / spread.x, v = y / spread.y, height = 2 * (stored - place.q);
+    return vec4(greaterThan(stored, max(plane, vec4(place.q)) + place.bias)) *
+           vec4(lessThanEqual(u * u + v * v, height * height));
+}
+
+/* Share of the disc of a sun that is not blocked. A first look, at all scales about the place, finds the mean height of
+ * what blocks; then follows the mean over the disc as wide as it is at that height. */
+float chiaro_disc_shadow(ChiaroGpuLight light, vec3 point, vec3 normal)
+{
+    const int looks = 16, taps = 32, rim = 6;
+    const mat2 turn = mat2(-0.737369, 0.675490, -0.675490, -0.737369); /* by the golden angle */
+    ChiaroShadowPlace place = chiaro_shadow_place(light, point, normal);
+    vec2 spread = light.cone.x * light.shadow.y / (2 * light.shadow.x) / vec2(light.right.w, light.up.w), way = vec2(1, 0);
+    float height = 0, count = 0;
+    for (int i = 0; i < looks; i++, way = turn * way) {
+        vec2 at = floor(place.part + way * spread * ((1 - place.q) * exp2(-0.375 * float(i))) + 0.5);
+        float stored = textureLod(chiaro_wide_shadows, vec3((place.base + at + 0.5) / light.shadow.y, place.layer), 0).r;
+        at -= place.part;
+        float blocked = chiaro_disc_blocked(place, spread, vec4(stored), vec4(at.x), vec4(at.y)).x;
+        height += blocked * (stored - place.q);
+        count += blocked;
+    }
+    vec2 radius = spread * (height / max(count, 1));
+    if (max(radius.x, radius.y) < 1)
+        return chiaro_shadow(light, point, normal);
+    float lit = 0;
+    for (int i = taps; i > 0; i--, way = turn * way) {
+        vec2 at = place.part + way * radius * sqrt((float(i) - 0.5) / float(taps)), base = floor(at);
+        vec4 x = vec4(0, 1, 1, 0) + (base.x - place.part.x), y = vec4(1, 1, 0, 0) + (base.y - place.part.y);
+        vec4 stored = chiaro_shadow_gather(light, place.base + base + 1, place.layer);
+        vec4 blocked = chiaro_disc_blocked(place, spread, stored, x, y);
+        vec2 upper = mix(blocked.wx, blocked.zy, at.x - base.x);
+        lit += 1 - mix(upper.x, upper.y, at.y - base.y);
+        if (i == taps - rim + 1 && lit == 0)
+            return 0; /* the rim is dark, and so is what it encloses */
+    }
+    return lit / float(taps);
+}
+
+/* Irradiance from all lights at a place of a surface, with shadows. `geometric` is the normal of the triangle. */
+vec3 chiaro_punctual_irradiance(vec3 point, vec3 normal, vec3 geometric)
 {
     vec3 sum = vec3(0);
-    for (uint i = first; i < end; i++) {
+    for (uint i = 0; i < chiaro_light_count.x; i++) {
         ChiaroGpuLight light = chiaro_lights[i];
         vec3 toward = -light.direction.xyz;
         float attenuation = 1;
@@ -209,16 +254,14 @@ vec3 chiaro_lights_irradiance(uint first, uint end, vec3 point, vec3 normal, vec
     return sum;
 }
 
-/* The part of it that is punctual. */
-vec3 chiaro_punctual_irradiance(vec3 point, vec3 normal, vec3 geometric)
+/* The same, from the sun of the sky, which counts as indirect light; only where chiaro_light_count.y says that it shines. */
+vec3 chiaro_sky_sun_irradiance(vec3 point, vec3 normal, vec3 geometric)
 {
-    return chiaro_lights_irradiance(0, chiaro_light_count.x, point, normal, geometric);
-}
-
-/* The part of it that is indirect: what comes straight from the sun of the sky. */
-vec3 chiaro_sun_irradiance(vec3 point, vec3 normal, vec3 geometric)
-{
-    return chiaro_lights_irradiance(chiaro_light_count.x, chiaro_light_count.y, point, normal, geometric);
+    ChiaroGpuLight sun = chiaro_lights[chiaro_light_count.x];
+    vec3 toward = -sun.direction.xyz;
+    float cosine = dot(normal, toward);
+    bool faces = cosine > 0 && dot(geometric, toward) > 0;
+    return faces ? sun.intensity.rgb * (cosine * chiaro_disc_shadow(sun, point, geometric)) : vec3(0);
 }
 
 /* Irradiance of one moved-back point (ChiaroPoint): cull plane, shadow, disc law. */

@@ -63,7 +63,7 @@ CHIARO_STRUCT(ChiaroGpuLight)
     CHIARO_VEC4(position);  /* w: range, 0 without end. Sun: centre of the shadow view's near plane. */
     CHIARO_VEC4(direction); /* the way that light travels; forward of a spot's and a sun's shadow view */
     CHIARO_VEC4(intensity);
-    CHIARO_VEC4(cone);      /* spot: cos_outer, 1 / (cos_inner - cos_outer) */
+    CHIARO_VEC4(cone);      /* spot: cos_outer, 1 / (cos_inner - cos_outer); sun of the sky: tangent of its angular radius */
     CHIARO_VEC4(right);     /* unit; w: half width of the view (perspective: at distance 1) */
     CHIARO_VEC4(up);        /* unit; w: half height */
     CHIARO_VEC4(shadow);    /* near (sun: 1 / depth), size in texels, coordinate rounding in m, steepest slope of q */

@@ -11,6 +11,7 @@
 layout(constant_id = 0) const uint component = CHIARO_GPU_FULL;
 layout(constant_id = 1) const bool tone_map = false;
 layout(constant_id = 2) const bool masked = false;
+layout(constant_id = 3) const bool sky_sun = false;
 
 layout(push_constant) uniform Push
 {
@@ -47,9 +48,11 @@ void main()
 #ifdef CHIARO_LIT
     vec3 geometric = normalize(cross(dFdx(v_offset), dFdy(v_offset)));
     geometric = dot(geometric, v_offset) > 0 ? -geometric : geometric;
-    /* The sun of the sky, which stands behind the others and is only there where it shines, is indirect light. */
-    uint first = component == CHIARO_GPU_INDIRECT ? chiaro_light_count.x : 0;
-    received = chiaro_lights_irradiance(first, chiaro_light_count.y, push.eye.xyz + v_offset, normalize(v_normal), geometric);
+    vec3 point = push.eye.xyz + v_offset, normal = normalize(v_normal);
+    if (component != CHIARO_GPU_INDIRECT)
+        received = chiaro_punctual_irradiance(point, normal, geometric);
+    if (sky_sun)
+        received += chiaro_sky_sun_irradiance(point, normal, geometric);
 #endif
     if (component != CHIARO_GPU_PUNCTUAL) {
         vec3 ambient = max(v_irradiance, vec3(0));

@@ -10,8 +10,9 @@
 
 #include <string.h>
 
-/* The share of a surface's irradiance that is worth a light: less does not show, wherever it falls. */
-static const double least_share = 0.05;
+/* The share of a surface's irradiance that is worth a light. A spot that is left to the leaves costs about its share in
+ * error (measured in the courtyard: a share of 0.8, 1.9, 3.8, 10 % costs 1.0, 2.1, 4.0, 9.6 %). */
+static const double least_share = 0.02;
 
 /* Moves from the start to the spot's own centre; a few are enough, or it is no spot. */
 enum { MOST_MOVES = 12 };
@@ -76,17 +77,19 @@ static void visit(const ChiaroSky *sky, Direction center, double angle, TexelFun
     double half = around ? width : asin(fmin(1, sin(angle) / sin(polar))) / (2 * pi) * width + 1;
     uint32_t columns = 2 * half + 1 < width ? (uint32_t)(2 * half) + 1 : sky->width;
     uint32_t first = columns < sky->width ? (uint32_t)((int64_t)floor(middle - half) + sky->width) % sky->width : 0;
-    double least = angle < pi ? cos(angle) : -2;
+    double least = angle < pi ? cos(angle) : -2, cosine_step = cos(2 * pi / width), sine_step = sin(2 * pi / width);
     for (uint32_t j = (uint32_t)top; j <= (uint32_t)bottom; j++) {
-        double theta = (j + 0.5) / height * pi, weight = row_weight(j, sky->height) / width;
+        double theta = (j + 0.5) / height * pi, sine = sin(theta), cosine = cos(theta);
+        double phi = ((first + 0.5) / width - 0.5) * 2 * pi, cosine_phi = cos(phi), sine_phi = sin(phi);
+        double weight = row_weight(j, sky->height) / width;
         for (uint32_t k = 0; k < columns; k++) {
             uint32_t i = (uint32_t)(((uint64_t)first + k) % sky->width);
-            double phi = ((i + 0.5) / width - 0.5) * 2 * pi;
-            Texel texel = {3 * ((size_t)j * sky->width + i),
-                           {sin(theta) * cos(phi), cos(theta), sin(theta) * sin(phi)},
-                           weight};
+            Texel texel = {3 * ((size_t)j * sky->width + i), {sine * cosine_phi, cosine, sine * sine_phi}, weight};
             if (dot(texel.direction, center) >= least)
                 func(&texel, user);
+            double turned = cosine_phi * cosine_step - sine_phi * sine_step;
+            sine_phi = sine_phi * cosine_step + cosine_phi * sine_step;
+            cosine_phi = turned;
         }
     }
 }
@@ -143,18 +146,16 @@ static Direction spot_direction(const Spot *spot)
     return normalize(add_scaled(add_scaled(spot->moments[0], spot->moments[1], 1), spot->moments[2], 1));
 }
 
-/* From somewhere in its leaf to the spot: the disc moves to the centre of what stands out in it. */
-static Spot find_spot(const ChiaroSky *sky, Direction start)
+/* From somewhere in its leaf to the spot: the disc moves to the centre of what stands out in it, as long as that is worth
+ * it. */
+static Spot find_spot(const ChiaroSky *sky, Direction start, double worth)
 {
-    double reach = leaf_radius();
-    Spot spot = measure_spot(sky, start, 2 * reach);
-    for (int i = 0; i < MOST_MOVES && spot.flux > 0; i++) {
+    Spot spot = measure_spot(sky, start, 2 * leaf_radius());
+    for (int i = 0; i < MOST_MOVES && spot.flux > worth; i++) {
         Direction next = spot_direction(&spot);
-        double cosine = dot(next, spot.center);
-        bool there = spot.reach == reach && cosine > 1 - 1e-12;
-        if (there)
+        if (i > 0 && dot(next, spot.center) > 1 - 1e-12)
             break;
-        spot = measure_spot(sky, next, reach);
+        spot = measure_spot(sky, next, leaf_radius());
     }
     return spot;
 }
@@ -193,16 +194,18 @@ static double irradiance(const Leaves *leaves, Direction normal)
     return sum;
 }
 
-/* The strongest spot. A sun has at least a quarter of its flux in one leaf. */
+/* The strongest spot. A sun has at least a quarter of its flux in one leaf, and most of it stands above whatever is
+ * around the wider disc that the search begins with. */
 static Spot strongest_spot(const Leaves *leaves)
 {
     Spot best = {.sky = leaves->sky};
     for (uint32_t t = 0; t < CHIARO_SKY_TEXELS; t++) {
         Direction start = normalize(leaves->moments[t]);
-        if (!(dot(leaves->moments[t], start) > least_share / 4 * irradiance(leaves, start)))
+        double worth = least_share / 2 * irradiance(leaves, start);
+        if (!(dot(leaves->moments[t], start) > worth / 2))
             continue;
-        Spot spot = find_spot(leaves->sky, start);
-        if (spot.flux > best.flux)
+        Spot spot = find_spot(leaves->sky, start, worth);
+        if (spot.flux > fmax(worth, best.flux))
             best = spot;
     }
     return best;

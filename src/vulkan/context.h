@@ -110,8 +110,9 @@ void *chiaro_upload_image(ChiaroVulkan *context, Upload *upload, VkImage image, 
 
 /* Bits of a kind of surface: which forward pipeline draws it. */
 enum { SURFACE_TEXTURED = 1, SURFACE_MASKED = 2, SURFACE_KINDS = 4 };
-/* Bits of what lights it; blocked: objects darken it. */
-enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_BLOCKED = 4, FORWARD_KINDS = 8 };
+/* Bits of what lights it: lights with shadows, bounce light, the sun of the sky (which is one of the lights), and objects
+ * that stand in the way. */
+enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_SUN = 4, FORWARD_BLOCKED = 8, FORWARD_KINDS = 16 };
 enum { GI_SAMPLES_LIT, GI_SAMPLES_DARK, GI_TREE, GI_GATHER_SAMPLES, GI_GATHER_RECEIVERS, GI_PASSES };
 enum { SHADOW_OPAQUE, SHADOW_MASKED, SHADOW_MASKED_TEXTURED, SHADOW_KINDS };
 
@@ -358,16 +359,18 @@ static inline bool chiaro_vulkan_object_gi(const ChiaroVulkan *context)
 /* The FORWARD_ bits of the state: the host's lights are not in the pipelines of the indirect component. */
 static inline uint32_t chiaro_forward_lighting(const ChiaroVulkan *context)
 {
-    bool indirect = context->settings.component == CHIARO_COMPONENT_INDIRECT;
-    bool lit = indirect ? chiaro_vulkan_sun(context) : chiaro_vulkan_lights(context) > 0;
+    bool sun = chiaro_vulkan_sun(context), indirect = context->settings.component == CHIARO_COMPONENT_INDIRECT;
+    bool lit = indirect ? sun : chiaro_vulkan_lights(context) > 0;
     bool gi = chiaro_vulkan_gi(context), blocked = gi && chiaro_vulkan_object_gi(context);
-    return (lit ? FORWARD_LIT : 0u) | (gi ? FORWARD_GI : 0u) | (blocked ? FORWARD_BLOCKED : 0u);
+    return (lit ? FORWARD_LIT : 0u) | (gi ? FORWARD_GI : 0u) | (sun ? FORWARD_SUN : 0u) |
+           (blocked ? FORWARD_BLOCKED : 0u);
 }
 
 /* The same for objects. */
 static inline uint32_t chiaro_object_lighting(const ChiaroVulkan *context)
 {
-    return (chiaro_forward_lighting(context) & FORWARD_LIT) | (chiaro_vulkan_object_gi(context) ? FORWARD_GI : 0u);
+    return (chiaro_forward_lighting(context) & (FORWARD_LIT | FORWARD_SUN)) |
+           (chiaro_vulkan_object_gi(context) ? FORWARD_GI : 0u);
 }
 
 static inline bool chiaro_vulkan_background(const ChiaroVulkan *context)

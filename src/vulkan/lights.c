@@ -198,6 +198,8 @@ ChiaroResult chiaro_lights_prepare(ChiaroVulkan *context)
         const ChiaroLight *light = i < state->count ? &state->lights[i] : &context->sky.sun;
         bool six = has_faces(light);
         pack_light(context, light, six ? 6 * faces : wides, &packed[i]);
+        if (light == &context->sky.sun)
+            packed[i].cone[0] = tanf(context->sky.sun_radius);
         faces += six;
         wides += !six;
     }

@@ -344,12 +344,13 @@ static VkPipeline create_graphics(ChiaroVulkan *context, Arena *arena, const Gra
 /* The constants that forward and sky fragment shaders are specialised by. */
 typedef struct ForwardConstants {
     uint32_t component;
-    VkBool32 tone_map, masked;
+    VkBool32 tone_map, masked, sky_sun;
 } ForwardConstants;
 
-static const VkSpecializationMapEntry forward_entries[3] = {{0, offsetof(ForwardConstants, component), 4},
+static const VkSpecializationMapEntry forward_entries[4] = {{0, offsetof(ForwardConstants, component), 4},
                                                             {1, offsetof(ForwardConstants, tone_map), 4},
-                                                            {2, offsetof(ForwardConstants, masked), 4}};
+                                                            {2, offsetof(ForwardConstants, masked), 4},
+                                                            {3, offsetof(ForwardConstants, sky_sun), 4}};
 
 /* Vertices of what stays: with the receiver of each. Of objects: with what their bake says. */
 enum { VERTEX_ATTRIBUTES = 5, STILL_ATTRIBUTES = 1, OBJECT_ATTRIBUTES = 4 };
@@ -387,8 +388,8 @@ static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lig
                                                   .vertexAttributeDescriptionCount = VERTEX_ATTRIBUTES + (gi ? more : 0),
                                                   .pVertexAttributeDescriptions = attributes};
     ForwardConstants constants = {context->settings.component, context->settings.tone_map,
-                                  (surface & SURFACE_MASKED) != 0};
-    VkSpecializationInfo specialization = {3, forward_entries, sizeof constants, &constants};
+                                  (surface & SURFACE_MASKED) != 0, (lighting & FORWARD_SUN) != 0};
+    VkSpecializationInfo specialization = {4, forward_entries, sizeof constants, &constants};
     Pipeline made = {create_layout(context, arena, 4, sets, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT,
                                    sizeof(ChiaroForwardPush)),
                      VK_NULL_HANDLE};
@@ -451,8 +452,8 @@ static Pipeline create_shadow(ChiaroVulkan *context, Arena *arena, uint32_t kind
 static Pipeline create_background(ChiaroVulkan *context, Arena *arena)
 {
     VkPipelineVertexInputStateCreateInfo input = {.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO};
-    ForwardConstants constants = {0, context->settings.tone_map, VK_FALSE};
-    VkSpecializationInfo specialization = {3, forward_entries, sizeof constants, &constants};
+    ForwardConstants constants = {0, context->settings.tone_map, VK_FALSE, VK_FALSE};
+    VkSpecializationInfo specialization = {4, forward_entries, sizeof constants, &constants};
     Pipeline made = {create_layout(context, arena, 1, &context->layouts.sky,
                                    VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, sizeof(ChiaroSkyPush)),
                      VK_NULL_HANDLE};
