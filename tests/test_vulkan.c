@@ -455,27 +455,6 @@ static void another_version_is_refused(void **state)
 
 /* ---- memory ------------------------------------------------------------------------------------------------------- */
 
-typedef struct Counter {
-    uint32_t made, alive, fail_at;
-} Counter;
-
-static void *count_alloc(size_t size, void *user)
-{
-    Counter *counter = user;
-    if (++counter->made == counter->fail_at)
-        return NULL;
-    void *memory = malloc(size);
-    counter->alive += memory != NULL;
-    return memory;
-}
-
-static void count_free(void *memory, void *user)
-{
-    Counter *counter = user;
-    counter->alive -= memory != NULL;
-    free(memory);
-}
-
 /* Runs everything once with the n-th allocation failing; true if none failed. */
 static bool run_with_failure(Stage *stage, const ChiaroScene *scene, uint32_t fail_at)
 {

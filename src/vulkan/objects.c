@@ -15,7 +15,8 @@
 #include "../core/log.h"
 #include "../core/vec.h"
 
-enum { DEFAULT_CUBES = 8, LONGEST_FADE = 64 };
+/* Frames that a fade takes: as many as lie between two paintings of a cube, within these. */
+enum { DEFAULT_CUBES = 8, SHORTEST_FADE = 4, LONGEST_FADE = 64 };
 
 /* The light of the static scene follows objects' shadows this often, in frames: illumination may be late. */
 enum { SHADOW_INTERVAL = 8 };
@@ -138,7 +139,7 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
 static ChiaroResult create_read_back(ChiaroVulkan *context)
 {
     ObjectsState *state = &context->objects;
-    if (!state->has_gi || !context->scene.gi_arena)
+    if (!state->has_gi || !context->scene.gi_arena || !chiaro_world_desc(state->world)->transport)
         return CHIARO_OK;
     Arena *arena = state->read_arena = chiaro_arena_create(context);
     if (!arena)
@@ -387,14 +388,14 @@ static void follow_objects(ChiaroVulkan *context, VkCommandBuffer commands)
 
 /* ---- cubes -------------------------------------------------------------------------------------------------------- */
 
-/* Share of the newer cube. */
-static float fade_of(const CubeSlot *slot, uint64_t frame)
+/* Share of the newer cube after so many frames. */
+static float fade_of(const CubeSlot *slot, uint64_t frames)
 {
-    float share = slot->length ? (float)(frame - slot->start + 1) / (float)slot->length : 1;
+    float share = slot->length ? (float)frames / (float)slot->length : 1;
     return share < 1 ? share : 1;
 }
 
-/* What is shown now becomes what was shown before. */
+/* What the last frame showed becomes what fades out. */
 static void take_cube(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t number)
 {
     ObjectsState *state = &context->objects;
@@ -407,12 +408,13 @@ static void take_cube(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t 
     if (!chiaro_world_cube(state->world, number, &cube) || !cube.texels)
         return;
     bool new = slot->id != cube.id || slot->part != cube.part;
-    float share = fade_of(slot, context->frame);
+    float share = fade_of(slot, context->frame - slot->start);
     for (size_t i = 0; i < floats; i++) {
         before[i] = new ? cube.texels[i] : before[i] + share * (now[i] - before[i]);
         now[i] = cube.texels[i];
     }
     uint64_t interval = context->frame - slot->start;
+    interval = interval < SHORTEST_FADE ? SHORTEST_FADE : interval;
     slot->length = new ? 0 : interval < LONGEST_FADE ? (uint32_t)interval : LONGEST_FADE;
     slot->start = context->frame;
     slot->id = cube.id;
@@ -437,7 +439,7 @@ static void fade_cubes(ChiaroVulkan *context, VkCommandBuffer commands)
         CubeSlot *slot = &state->slots[i];
         if (!slot->fading)
             continue;
-        float share = fade_of(slot, context->frame);
+        float share = fade_of(slot, context->frame - slot->start + 1);
         state->scales[2 * (size_t)i] = slot->scale[0] * (1 - share);
         state->scales[2 * (size_t)i + 1] = slot->scale[1] * share;
         slot->fading = share < 1;
