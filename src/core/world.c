@@ -115,6 +115,7 @@ static ChiaroResult make_world(ChiaroWorld *world)
     world->texel_count = chiaro_cube_texel_count(world->kernel);
     world->encoded_bytes = world->texel_count * (size_t)chiaro_cube_format_size((ChiaroCubeFormat)desc->format);
     world->sky = chiaro_world_alloc(world, world->texel_count, 4 * sizeof(float));
+    world->sky_slopes = chiaro_world_alloc(world, world->texel_count, sizeof *world->sky_slopes);
     world->bodies = chiaro_world_alloc(world, desc->object_capacity, sizeof *world->bodies);
     world->slot_taken = chiaro_world_alloc(world, desc->cube_capacity, 1);
     world->slot_body = chiaro_world_alloc(world, desc->cube_capacity, sizeof *world->slot_body);
@@ -124,7 +125,7 @@ static ChiaroResult make_world(ChiaroWorld *world)
     world->scales = chiaro_world_alloc(world, desc->cube_capacity, sizeof *world->scales);
     world->items = chiaro_world_alloc(world, WORLD_MAX_ITEMS, sizeof *world->items);
     world->radiosity = chiaro_world_alloc(world, desc->element_capacity, 3 * sizeof(float));
-    if (!world->sky || !world->bodies || !world->slot_taken || !world->slot_body || !world->slot_painted ||
+    if (!world->sky || !world->sky_slopes || !world->bodies || !world->slot_taken || !world->slot_body || !world->slot_painted ||
         !world->element_taken || !world->encoded || !world->scales || !world->items || !world->radiosity ||
         !make_neighbours(world) || !make_shine(world, &world->last) || !make_shine(world, &world->next) ||
         !make_grid(world, &world->grid) || !make_grid(world, &world->shown))
@@ -156,7 +157,7 @@ void chiaro_world_destroy(ChiaroWorld *world)
 {
     if (!world)
         return;
-    void *all[] = {world->sky, world->bodies, world->slot_taken, world->slot_body, world->slot_painted,
+    void *all[] = {world->sky, world->sky_slopes, world->bodies, world->slot_taken, world->slot_body, world->slot_painted,
                    world->element_taken, world->encoded, world->scales, world->items, world->radiosity, world->neighbour_memory,
                    world->neighbour_objects, world->last.texels, world->last.axes, world->next.texels, world->next.axes,
                    world->grid.blockers, world->grid.first, world->grid.entries, world->grid.weights,
@@ -181,6 +182,7 @@ ChiaroResult chiaro_world_sky(ChiaroWorld *world, const ChiaroSky *sky)
     if (sky && chiaro_sky_check(sky) != CHIARO_OK)
         return CHIARO_ERROR_ARGUMENT;
     chiaro_cube_sky(world->kernel, sky, world->sky);
+    chiaro_cube_sky_slope(world->kernel, sky, world->sky_slopes);
     world->changed = true;
     return CHIARO_OK;
 }

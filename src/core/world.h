@@ -70,6 +70,7 @@ struct ChiaroWorld {
     ChiaroCubeKernel *kernel;
     uint32_t texel_count, node_count;
     float *sky; /* background, 4 floats a texel */
+    ChiaroCubeSlope *sky_slopes;
 
     Body *bodies;
     uint32_t body_end; /* bodies from here on were never used */

@@ -15,6 +15,9 @@ static const float REACH = 8;
 static const float ROUND = 0.7f, ROUND_BLEND = 0.5f;
 /* And a plate if its mean normal is as long as this. */
 static const float FLAT = 0.85f;
+/* Share of its light that an object gives into a gap of which so much is open: GAP times the root of that, at most 1.
+ * Measured between a ball and the plane that it stands on. */
+static const float GAP = 1.6f;
 /* Cells are no smaller than this part of the mean reach. */
 static const float FINEST_CELL = 0.25f;
 
@@ -98,8 +101,9 @@ static ChiaroWorldBlocker make_blocker(const Pose *pose, const ChiaroPrimitive *
         chiaro_primitive_radiate(node, axes, local, intensity);
         for (uint32_t c = 0; c < 3 && area > 0; c++)
             blocker.axes[i][c] = intensity[c] / area;
-        blocker.axes[i][3] = area * square;
-        largest = fmaxf(largest, area * square);
+        /* A ball's is the mean, a quarter of its surface: what a few dozen elements show each way is not so even. */
+        blocker.axes[i][3] = square * (blocker.plate ? area : node->area / 4);
+        largest = fmaxf(largest, blocker.axes[i][3]);
     }
     blocker.reach = REACH * sqrtf(largest / CHIARO_PI);
     return blocker;
@@ -285,12 +289,23 @@ static float blocker_form(const ChiaroWorldBlocker *blocker, Vec3 point, Vec3 no
     return window * chiaro_sphere_form(p, n, blocker->center, sqrtf(area / CHIARO_PI));
 }
 
+/* All of an object: what it leaves open, and what it gives back. Close to where it touches, a receiver sees only that
+ * part of it which the gap between the two lights: for a ball on a plane, the light there falls as the root of what is
+ * open. */
+static float take_object(float form, Vec3 given, Vec3 *bounce)
+{
+    float open = 1 - fminf(1, form);
+    *bounce = vec3_mad(*bounce, given, fminf(1, GAP * sqrtf(open)));
+    return open;
+}
+
 float chiaro_blockers_at(const BlockerGrid *grid, Vec3 point, Vec3 normal, Vec3 *bounce)
 {
     const ChiaroWorldBlockers *view = &grid->view;
     float p[3], open = 1, sum = 0;
     uint32_t cell[3];
-    *bounce = vec3(0, 0, 0);
+    Vec3 own = {0, 0, 0};
+    *bounce = own;
     vec3_store(p, point);
     for (uint32_t c = 0; c < 3; c++) {
         float place = view->cell_count ? (p[c] - view->low[c]) / view->size : -1;
@@ -302,15 +317,16 @@ float chiaro_blockers_at(const BlockerGrid *grid, Vec3 point, Vec3 normal, Vec3 
     for (uint32_t k = view->cell_first[number]; k < view->cell_first[number + 1]; k++) {
         const ChiaroWorldBlocker *blocker = &view->blockers[view->cell_blockers[k]];
         Vec3 radiance;
-        if (blocker->object != last)
-            open *= 1 - fminf(1, sum), sum = 0, last = blocker->object;
+        if (blocker->object != last) {
+            open *= take_object(sum, own, bounce);
+            sum = 0, own = vec3(0, 0, 0), last = blocker->object;
+        }
         float form = blocker_form(blocker, point, normal, &radiance);
-        if (!(form > 0))
-            continue;
         sum += form;
-        *bounce = vec3_mad(*bounce, radiance, CHIARO_PI * form);
+        if (form > 0)
+            own = vec3_mad(own, radiance, CHIARO_PI * form);
     }
-    return open * (1 - fminf(1, sum));
+    return open * take_object(sum, own, bounce);
 }
 
 void chiaro_world_blockers(const ChiaroWorld *world, ChiaroWorldBlockers *blockers) { *blockers = world->shown.view; }

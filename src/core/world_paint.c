@@ -36,6 +36,7 @@ typedef struct Canvas {
     ChiaroCubeTexel near[CHIARO_CUBE_MAX_TEXELS], far[CHIARO_CUBE_MAX_TEXELS]; /* neighbours */
     bool any_near, any_far;
     float full[CHIARO_CUBE_MAX_TEXELS];           /* static cover */
+    Vec3 covered[CHIARO_CUBE_MAX_TEXELS];         /* its directions, summed */
     float before_near[CHIARO_CUBE_MAX_TEXELS], before_far[CHIARO_CUBE_MAX_TEXELS]; /* of it, in front of neighbours */
     float near_share[CHIARO_CUBE_MAX_TEXELS];     /* of it, near */
     float radiance[4 * CHIARO_CUBE_MAX_TEXELS];
@@ -172,6 +173,7 @@ static void paint_item(Canvas *canvas, Item *item)
         if (!(share > 0) || canvas->full[t] >= CLOSED)
             continue;
         canvas->full[t] += share;
+        canvas->covered[t] = vec3_mad(canvas->covered[t], item->direction, share);
         canvas->closed += canvas->full[t] >= CLOSED;
         if (canvas->any_near)
             seen *= left_over(&canvas->near[t], item->distance, share, &canvas->before_near[t]);
@@ -225,6 +227,15 @@ static void paint_static(Canvas *canvas)
  * All together
  */
 
+/* What static surfaces leave of a texel's sky: not only how much they cover counts, but which side of it. */
+static float open_sky(const Canvas *canvas, uint32_t t, float cover, uint32_t channel)
+{
+    const ChiaroCubeSlope *slope = &canvas->world->sky_slopes[t];
+    float sky = canvas->world->sky[4 * t + channel];
+    Vec3 lost = vec3_mad(canvas->covered[t], vec3_load(slope->mean), -cover);
+    return fmaxf(0, fminf(sky, sky * (1 - cover) - vec3_dot(vec3_load(slope->slope[channel]), lost)));
+}
+
 static void resolve(Canvas *canvas)
 {
     const ChiaroWorld *world = canvas->world;
@@ -233,10 +244,10 @@ static void resolve(Canvas *canvas)
         float near = canvas->near[t].coverage, far = canvas->far[t].coverage;
         float near_seen = near * (1 - fminf(1, scale * canvas->before_near[t]));
         float far_open = (1 - near) * (1 - fminf(1, scale * canvas->before_far[t]));
-        float sky = (1 - cover) * (1 - near) * (1 - far);
+        float sky = (1 - near) * (1 - far);
         for (uint32_t c = 0; c < 3; c++)
             canvas->radiance[4 * t + c] = scale * canvas->radiance[4 * t + c] +
-                                          far_open * canvas->far[t].radiance[c] + sky * world->sky[4 * t + c];
+                                          far_open * canvas->far[t].radiance[c] + (cover < 1 ? sky * open_sky(canvas, t, cover, c) : 0);
         canvas->radiance[4 * t + 3] = 1 - scale * canvas->near_share[t] - near_seen;
     }
 }
@@ -271,6 +282,7 @@ static void paint_part(Canvas *canvas, uint32_t id, uint32_t part)
     const ChiaroObjectPart *from = &body->object.parts[part];
     float *texels = world->next.texels + 4 * (size_t)(body->first_slot + part) * world->texel_count;
     memset(canvas->full, 0, sizeof canvas->full);
+    memset(canvas->covered, 0, sizeof canvas->covered);
     memset(canvas->before_near, 0, sizeof canvas->before_near);
     memset(canvas->before_far, 0, sizeof canvas->before_far);
     memset(canvas->near_share, 0, sizeof canvas->near_share);

@@ -69,7 +69,7 @@ static void add_item(Walk *walk, const Item *like, Vec3 center, float area)
     walk->world->items[walk->count++] = item;
 }
 
-/* A leaf as a square of its area: cut in four until the pieces are small enough. */
+/* A square: cut in four until the pieces are small enough. */
 static void add_square(Walk *walk, const Item *like, Vec3 center, Vec3 across, Vec3 along, float edge)
 {
     float distance = vec3_length(vec3_sub(center, walk->center)), skin = distance - walk->radius;
@@ -91,6 +91,22 @@ static void add_square(Walk *walk, const Item *like, Vec3 center, Vec3 across, V
     }
 }
 
+/* A leaf has a shape of its own: its points, each a square, tell it better than one square would. */
+static void add_leaf(Walk *walk, const Item *like)
+{
+    const ChiaroTransport *t = walk->world->desc.transport;
+    const ChiaroSample *sample = &t->samples[t->nodes[like->node].first];
+    for (uint32_t k = sample->first_point; k < sample->first_point + sample->point_count; k++) {
+        const ChiaroPoint *point = &t->points[k];
+        Item piece = *like;
+        Vec3 across, along;
+        piece.normal = vec3_load(point->normal);
+        vec3_frame(piece.normal, &across, &along);
+        add_square(walk, &piece, vec3_mad(vec3_load(point->position), piece.normal, point->cull), across, along,
+                   sqrtf(sample->area * point->weight));
+    }
+}
+
 static void walk_tree(Walk *walk, uint32_t root)
 {
     const ChiaroTransport *t = walk->world->desc.transport;
@@ -106,10 +122,10 @@ static void walk_tree(Walk *walk, uint32_t root)
         if (node->first >= t->sample_count || (pure && flatness > 0.9999f && vec3_dot(normal, way) > node->radius))
             continue; /* sky, or all of it looks away */
         Item item = {.normal = vec3_normalize(normal), .node = n};
-        if (node->count == 1) {
-            Vec3 across, along;
-            vec3_frame(item.normal, &across, &along);
-            add_square(walk, &item, center, across, along, sqrtf(node->area * flatness));
+        if (node->count == 1 && (node->radius > reach || distance < NEAR * walk->radius)) {
+            add_leaf(walk, &item);
+        } else if (node->count == 1) {
+            add_item(walk, &item, center, node->area * flatness);
         } else if (pure && node->radius <= reach && (flatness >= ONE_WAY || node->radius <= TINY * reach)) {
             add_item(walk, &item, center, node->area * flatness);
         } else {
