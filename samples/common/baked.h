@@ -20,4 +20,15 @@ typedef struct BakedScene {
 void baked_open(const SceneOptions *options, const ChiaroBakeDesc *desc, BakedScene *scene);
 void baked_close(BakedScene *scene);
 
+enum { BAKED_PATH_SIZE = 4096 };
+
+/* What was asked of a bake. */
+typedef struct BakeKey {
+    char kind[8]; /* unused bytes 0 */
+    uint32_t settings[6];
+} BakeKey;
+
+/* Where in the cache the bake of a scene belongs. False: there is no place for a cache. */
+bool baked_cache_path(const ChiaroScene *scene, const BakeKey *key, char path[BAKED_PATH_SIZE]);
+
 #endif

@@ -1,6 +1,9 @@
 /* Baking and placing what moves. */
 #include "moving.h"
 
+#include "baked.h"
+
+#include <stdio.h>
 #include <stdlib.h>
 #include <time.h>
 
@@ -53,17 +56,37 @@ static double now(void)
     return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
 }
 
-static void bake_objects(const SceneOptions *options, Moving *moving)
+/* From the cache, or baked and kept there. */
+static void bake_object(const SceneOptions *options, const SceneObject *object, Moving *moving, uint32_t number)
 {
     const ChiaroBakeObjectDesc desc = {
         .struct_size = sizeof desc, .threads = moving->desc.threads, .seed = moving->desc.seed};
+    const BakeKey key = {"object", {desc.elements, desc.parts, desc.rays, desc.seed}};
+    ChiaroBlob *blob = &moving->blobs[number];
+    ChiaroIoFile *file = &moving->files[number];
+    ChiaroObject *baked = &moving->baked[number];
+    ChiaroIoError error;
+    char path[BAKED_PATH_SIZE];
+    bool cache = baked_cache_path(object->scene, &key, path);
+    if (cache && chiaro_io_map(path, file, &error)) {
+        if (chiaro_object_open(file->data, file->size, baked, NULL) == CHIARO_OK)
+            return;
+        chiaro_io_unmap(file);
+        *file = (ChiaroIoFile){0};
+    }
+    must(options, object->name, chiaro_bake_object(object->scene, &desc, blob));
+    must(options, object->name, chiaro_object_open(blob->data, blob->size, baked, NULL));
+    if (cache && !chiaro_io_write_file(path, blob->data, blob->size, &error) && !options->quiet)
+        fprintf(stderr, "%s: %s\n", options->program, error.message);
+}
+
+static void bake_objects(const SceneOptions *options, Moving *moving)
+{
     double start = now();
     for (uint32_t i = 0; i < moving->objects.count; i++) {
         const SceneObject *object = &moving->objects.list[i];
-        ChiaroBlob *blob = &moving->blobs[i];
-        must(options, object->name, chiaro_bake_object(object->scene, &desc, blob));
+        bake_object(options, object, moving, i);
         must(options, object->name, chiaro_rays_create(object->scene, NULL, &moving->own[i]));
-        must(options, object->name, chiaro_object_open(blob->data, blob->size, &moving->baked[i], NULL));
     }
     moving->seconds = now() - start;
 }
@@ -107,9 +130,10 @@ void moving_open(const SceneOptions *options, const ChiaroIoScene *file, const C
     moving->blobs = calloc(count, sizeof *moving->blobs);
     moving->baked = calloc(count, sizeof *moving->baked);
     moving->ids = calloc(count, sizeof *moving->ids);
+    moving->files = calloc(count, sizeof *moving->files);
     moving->own = calloc(count, sizeof *moving->own);
     moving->poses = calloc(count, sizeof *moving->poses);
-    if (!moving->blobs || !moving->baked || !moving->ids || !moving->own || !moving->poses ||
+    if (!moving->blobs || !moving->files || !moving->baked || !moving->ids || !moving->own || !moving->poses ||
         !objects_merge(&moving->objects, &shared, NULL, &moving->meshes))
         options_fail(options, CHIARO_EXIT_INPUT, "out of memory");
     must(options, "all", chiaro_rays_create(&transport->scene, NULL, &moving->rays));
@@ -124,9 +148,12 @@ void moving_close(Moving *moving)
         chiaro_rays_destroy(moving->rays);
     for (uint32_t i = 0; moving->blobs && i < moving->objects.count; i++) {
         chiaro_blob_free(&moving->blobs[i]);
+        if (moving->files[i].data)
+            chiaro_io_unmap(&moving->files[i]);
         if (moving->own[i])
             chiaro_rays_destroy(moving->own[i]);
     }
+    free(moving->files);
     free(moving->own);
     free(moving->poses);
     free(moving->blobs);

@@ -16,7 +16,8 @@ typedef struct MovingDesc {
 typedef struct Moving {
     SceneObjects objects;
     MergedScene meshes; /* of all, each in its own space */
-    ChiaroBlob *blobs;
+    ChiaroBlob *blobs;   /* a bake is here ... */
+    ChiaroIoFile *files; /* ... or mapped from the cache */
     ChiaroObject *baked;
     uint32_t *ids; /* in the world */
     ChiaroWorld *world;
