@@ -15,11 +15,11 @@
 /* A texel so full is closed: the items of a surface cover it to a few parts in a hundred. */
 static const float CLOSED = 0.93f;
 /* In radii of the object's part: nearer neighbours are seen from the hull. */
-static const float NEAR_OBJECT = 5;
+static const float NEAR_OBJECT = 4;
 /* Things less visible are left out of the near sum. */
 static const float LEAST_VISIBLE = 0.01f;
 
-enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS, MAX_NEAR = 512 };
+enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS, MAX_NEAR = 1024 };
 
 /* A near thing: a plate, or a ball of which so much is seen. */
 typedef struct NearThing {
@@ -213,6 +213,7 @@ static void paint_static(Canvas *canvas)
     uint32_t count = chiaro_static_items(world, canvas->center, canvas->radius);
     for (uint32_t i = 0; i < count && canvas->closed < world->texel_count; i++) {
         Item *item = &world->items[i];
+        item->near = item->near && canvas->thing_count < MAX_NEAR;
         paint_item(canvas, item);
         if (!item->near || !(item->visible > LEAST_VISIBLE))
             continue;
@@ -252,6 +253,24 @@ static void resolve(Canvas *canvas)
     }
 }
 
+/* Form factor of a small plate: cos cos' A / (pi d^2 + A), exact on its axis. The receiver's cosine is cut off softly
+ * where the plate sinks below its horizon. */
+static float plate_form(Vec3 point, Vec3 normal, const NearThing *plate)
+{
+    Vec3 way = vec3_sub(plate->center, point);
+    float square = vec3_dot(way, way), height = vec3_dot(normal, way), front = -vec3_dot(plate->normal, way);
+    if (!(front > 0) || !(square > 0))
+        return 0;
+    /* How far the plate rises above its centre, and sinks below. */
+    float cosine = vec3_dot(normal, plate->normal), area = plate->area;
+    float rise = sqrtf(area / CHIARO_PI * fmaxf(0, 1 - cosine * cosine));
+    if (height <= -rise)
+        return 0;
+    if (height < rise)
+        height = (height + rise) * (height + rise) / (4 * rise);
+    return fminf(1, height * front * area / (square * (CHIARO_PI * square + area)));
+}
+
 /* The near things from the hull, at one texel; the rest as it was smoothed. */
 static void add_near(const Canvas *canvas, Vec3 point, Vec3 normal, float texel[4])
 {
@@ -261,11 +280,10 @@ static void add_near(const Canvas *canvas, Vec3 point, Vec3 normal, float texel[
     vec3_store(n, normal);
     for (uint32_t i = 0; i < canvas->thing_count; i++) {
         const NearThing *thing = &canvas->things[i];
-        float center[3], facing[3], form;
+        float center[3], form;
         vec3_store(center, thing->center);
-        vec3_store(facing, thing->normal);
         form = thing->ball ? chiaro_sphere_form(p, n, center, sqrtf(thing->area / CHIARO_PI))
-                           : chiaro_plate_form(p, n, center, facing, thing->area);
+                           : plate_form(point, normal, thing);
         form *= thing->visible;
         sum = vec3_mad(sum, thing->radiance, form);
         weight += form;
