@@ -213,20 +213,25 @@ CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *wo
 
 /** What stands for an object, or for a piece of it, where it blocks and reflects light: 16-byte members, for a GPU.
  *
- * Round (plate == 0): a ball about `center` that looks as large, and shines as brightly, as its axes say. With w the unit
- * direction from the blocker to the receiver and m_i = max(0, w . axis_i)^2 (they add up to 1):
- *     area = sum m_i axes[i][3], radiance = sum m_i axes[i].rgb, form = chiaro_sphere_form(.., center, sqrt(area / pi)).
- * Plate (plate == 1): a disc of area axes[0][3] and radiance axes[0].rgb, seen from the side of `normal` only,
- *     form = chiaro_plate_form().
+ * Ball (plate == 0): a sphere about `center` that shines as its axes say. With w the unit direction from the blocker to
+ * the receiver, the axes that w points along count with the squares of its components, which add up to 1:
+ *     area = sum w_i^2 axes[i][3], radiance = sum w_i^2 axes[i].rgb,
+ *     form = chiaro_sphere_form(.., center, sqrt(area / pi)).
+ * Plate (plate == 1): a rectangle that is seen from the side of `normal` only, with half edges axes[1].xyz and
+ * axes[2].xyz and the radiance axes[0].rgb:
+ *     form = chiaro_rectangle_form().
  * In either case form is multiplied by chiaro_blocker_window(distance from center, reach), so that nothing ends with an
- * edge, and bounce gains pi * radiance * form. Forms of blockers of one object, which follow each other in a cell, are
- * added up to at most 1; open is the product over the objects of 1 less that sum. */
+ * edge. Blockers of one object follow each other in a cell. Of each object, form and pi * radiance * form are summed; then
+ * with left = 1 - min(1, sum of forms), `open` is multiplied by left, and bounce gains the sum of light times
+ * min(1, CHIARO_BLOCKER_GAP * sqrt(left)): close to where it touches, only that part of an object is seen which the gap
+ * between the two lights. */
+#define CHIARO_BLOCKER_GAP 1.6f
 typedef struct ChiaroWorldBlocker {
     float center[3];
     float reach;    /**< Beyond it, it does nothing. */
     float normal[3];
     uint32_t plate;
-    float axes[6][4]; /**< Toward +x -x +y -y +z -z of the world: radiance, and projected area, m^2. */
+    float axes[6][4]; /**< Ball: toward +x -x +y -y +z -z of the world: radiance, and projected area, m^2. */
     uint32_t object;  /**< Its number. */
     uint32_t reserved[3];
 } ChiaroWorldBlocker;
@@ -255,11 +260,12 @@ CHIARO_API void chiaro_world_blockers(const ChiaroWorld *world, ChiaroWorldBlock
 CHIARO_API float chiaro_world_blocked(const ChiaroWorld *world, const float point[3], const float normal[3],
                                       float bounce[3]);
 
-/** Form factor of a disc that is cheap and nowhere far off: cos cos' A / (pi d^2 + A), with the receiver's cosine cut off
- * softly where the disc sinks below its horizon. Seen from behind: 0.
+/** Form factor of a rectangle with corners center +- across +- along, seen from the side of cross(across, along) only.
+ * Lambert's sum over its edges, for corners that are moved up to the horizon where they lie below it: exact where
+ * all of it is above, as with walls on a floor. A receiver in its plane counts as just in front of it.
  * @thread_safety any thread. */
-CHIARO_API float chiaro_plate_form(const float point[3], const float normal[3], const float center[3],
-                                   const float plate_normal[3], float area);
+CHIARO_API float chiaro_rectangle_form(const float point[3], const float normal[3], const float center[3],
+                                       const float across[3], const float along[3]);
 
 /** 1 - (distance / reach)^4, at least 0. @thread_safety any thread. */
 CHIARO_API float chiaro_blocker_window(float distance, float reach);

@@ -249,6 +249,7 @@ static void make_parts(ObjectBaker *job)
     float low[3], high[3];
     part_bounds(job, 0, low, high);
     float whole = part_excess(low, high, &axis), longest = whole > 1 ? (high[axis] - low[axis]) / whole : INFINITY;
+    longest = job->desc.part_size > 0 ? fminf(longest, job->desc.part_size) : longest;
     while (count < most) {
         uint32_t worst = 0, worst_axis = 0;
         float length = 0, middle = 0;
@@ -417,9 +418,9 @@ static ChiaroResult resolve(ObjectBaker *job, const ChiaroBakeObjectDesc *desc)
     d->rays = d->rays ? d->rays : DEFAULT_OBJECT_RAYS;
     d->threads = d->threads ? d->threads : chiaro_core_count();
     bool sane = d->elements <= MOST_ELEMENTS && d->parts <= CHIARO_MAX_OBJECT_PARTS && d->rays >= 16 &&
-                d->rays <= CHIARO_MAX_RAYS && d->threads <= 1024 && d->fade >= 0 && isfinite(d->fade);
+                d->rays <= CHIARO_MAX_RAYS && d->threads <= 1024 && d->fade >= 0 && isfinite(d->fade) && d->part_size >= 0;
     if (!sane)
-        chiaro_log_write(&d->log, CHIARO_LOG_ERROR, CHIARO_LOG_ARGUMENT_INVALID, "elements, parts, rays, fade or threads");
+        chiaro_log_write(&d->log, CHIARO_LOG_ERROR, CHIARO_LOG_ARGUMENT_INVALID, "elements, parts, part_size, rays, fade or threads");
     return sane ? CHIARO_OK : CHIARO_ERROR_ARGUMENT;
 }
 

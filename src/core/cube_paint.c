@@ -237,10 +237,12 @@ void chiaro_cube_sky(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, float
     finish_gather(kernel, &gather, radiance);
 }
 
-void chiaro_cube_sky_slope(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, ChiaroCubeSlope *slopes)
+void chiaro_cube_sky_slope(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, float *radiance,
+                           ChiaroCubeSlope *slopes)
 {
     Gather g;
     gather_sky(kernel, sky, &g);
+    finish_gather(kernel, &g, radiance);
     for (uint32_t t = 0; t < kernel->texel_count; t++) {
         ChiaroCubeSlope *slope = &slopes[t];
         memset(slope, 0, sizeof *slope);

@@ -83,7 +83,9 @@ typedef struct ChiaroCubeSlope {
     float slope[3][3];
 } ChiaroCubeSlope;
 
-void chiaro_cube_sky_slope(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, ChiaroCubeSlope *slopes);
+/* chiaro_cube_sky(), and how it changes. */
+void chiaro_cube_sky_slope(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, float *radiance,
+                           ChiaroCubeSlope *slopes);
 
 /* The matrix that smoothing multiplies with, row by row, texel_count squared doubles: for tests. */
 void chiaro_cube_kernel_matrix(const ChiaroCubeKernel *kernel, double *matrix);

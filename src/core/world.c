@@ -181,8 +181,7 @@ ChiaroResult chiaro_world_sky(ChiaroWorld *world, const ChiaroSky *sky)
 {
     if (sky && chiaro_sky_check(sky) != CHIARO_OK)
         return CHIARO_ERROR_ARGUMENT;
-    chiaro_cube_sky(world->kernel, sky, world->sky);
-    chiaro_cube_sky_slope(world->kernel, sky, world->sky_slopes);
+    chiaro_cube_sky_slope(world->kernel, sky, world->sky, world->sky_slopes);
     world->changed = true;
     return CHIARO_OK;
 }

@@ -3,6 +3,7 @@
  *   world.c           objects come, move and go; light and sky are taken over; rounds
  *   world_static.c    the static tree as a cube's centre sees it: items, near ones in small pieces
  *   world_paint.c     a cube, painted: items, neighbours, sky, smoothing, what is near seen from the skin
+ *   world_near.c      what is near a hull, summed for one normal
  *   world_blockers.c  what objects do to static surfaces
  */
 #ifndef CHIARO_WORLD_INTERNAL_H
@@ -63,7 +64,23 @@ typedef struct Item {
     bool near, part; /* part: a piece of a leaf */
 } Item;
 
-enum { WORLD_MAX_ITEMS = 8192, WORLD_TICKS_A_ROUND = 4 };
+enum { WORLD_MAX_ITEMS = 8192, WORLD_MAX_NEAR = 1024, WORLD_MAX_BALLS = 64, WORLD_TICKS_A_ROUND = 4 };
+
+/* Something near a hull: a plate, or a ball of which so much area is seen. */
+typedef struct NearThing {
+    Vec3 center, normal, radiance;
+    float area, visible;
+    bool ball;
+} NearThing;
+
+/* All of it. Plates number by number, so that four go at a time; there is room for three more of no area. */
+enum { NEAR_X, NEAR_Y, NEAR_Z, NEAR_NX, NEAR_NY, NEAR_NZ, NEAR_AREA, NEAR_HALF, NEAR_VISIBLE, NEAR_RED, NEAR_GREEN,
+       NEAR_BLUE, NEAR_NUMBERS };
+typedef struct Near {
+    float plates[NEAR_NUMBERS][WORLD_MAX_NEAR + 4];
+    NearThing balls[WORLD_MAX_BALLS];
+    uint32_t plate_count, ball_count;
+} Near;
 
 struct ChiaroWorld {
     ChiaroWorldDesc desc; /* resolved */
@@ -97,6 +114,7 @@ struct ChiaroWorld {
     BlockerGrid grid, shown;      /* as the round sees it; as the host does */
 
     Item *items;
+    Near near;
     uint32_t *stack;
     float *radiosity; /* of the elements of one object */
 };
@@ -135,6 +153,12 @@ uint32_t chiaro_static_items(ChiaroWorld *world, Vec3 center, float radius);
 /* Repaints all cubes of a body and lights its elements, from `last` into `next`. */
 void chiaro_world_paint(ChiaroWorld *world, uint32_t id);
 Vec3 chiaro_world_direct(const ChiaroWorld *world, Vec3 point, Vec3 normal);
+
+/* --- world_near.c --- */
+void chiaro_near_add(Near *near, const NearThing *thing);
+/* Adds what comes from near things to a smoothed texel, whose fourth number is how much of what it sees is far, and
+ * normalises the row. */
+void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float texel[4]);
 
 /* --- world_blockers.c --- */
 /* Fills a grid; `newest`: with poses and light as they are this moment, instead of as the round sees them. */

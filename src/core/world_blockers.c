@@ -5,6 +5,7 @@
  * that face a receiver lie side by side, so for a convex object their forms add up to its own, and nothing is counted
  * twice. A grid tells which objects matter where; a shader does per pixel what chiaro_blockers_at() does here.
  */
+#include "primitives.h"
 #include "world.h"
 
 #include <string.h>
@@ -15,26 +16,27 @@ static const float REACH = 8;
 static const float ROUND = 0.7f, ROUND_BLEND = 0.5f;
 /* And a plate if its mean normal is as long as this. */
 static const float FLAT = 0.85f;
-/* Share of its light that an object gives into a gap of which so much is open: GAP times the root of that, at most 1.
- * Measured between a ball and the plane that it stands on. */
-static const float GAP = 1.6f;
+/* How far receivers reach into what they lie on, as a part of a rectangle's size. */
+static const float TOUCH = 1e-3f;
 /* Cells are no smaller than this part of the mean reach. */
 static const float FINEST_CELL = 0.25f;
 
-float chiaro_plate_form(const float point[3], const float normal[3], const float center[3], const float plate_normal[3],
-                        float area)
+float chiaro_rectangle_form(const float point[3], const float normal[3], const float center[3], const float across[3],
+                            const float along[3])
 {
-    Vec3 way = vec3_sub(vec3_load(center), vec3_load(point)), n = vec3_load(normal), facing = vec3_load(plate_normal);
-    float square = vec3_dot(way, way), height = vec3_dot(n, way), front = -vec3_dot(facing, way);
-    if (!(front > 0) || !(square > 0) || !(area > 0))
+    Vec3 n = vec3_load(normal), u = vec3_load(across), v = vec3_load(along), corner[4];
+    float size = vec3_length(u) + vec3_length(v), sum = 0;
+    /* A little way into the receiver: what it touches is in front of it. */
+    Vec3 way = vec3_mad(vec3_sub(vec3_load(center), vec3_load(point)), n, TOUCH * size);
+    if (vec3_dot(vec3_cross(u, v), way) >= 0)
         return 0;
-    /* How far the plate rises above its centre, and sinks below. */
-    float cosine = vec3_dot(n, facing), rise = sqrtf(area / CHIARO_PI * fmaxf(0, 1 - cosine * cosine));
-    if (height <= -rise)
-        return 0;
-    if (height < rise)
-        height = (height + rise) * (height + rise) / (4 * rise);
-    return fminf(1, height * front * area / (square * (CHIARO_PI * square + area)));
+    for (uint32_t k = 0; k < 4; k++) {
+        corner[k] = vec3_mad(vec3_mad(way, u, k == 1 || k == 2 ? 1 : -1), v, k < 2 ? -1 : 1);
+        corner[k] = vec3_mad(corner[k], n, fmaxf(0, -vec3_dot(n, corner[k])));
+    }
+    for (uint32_t k = 0; k < 4; k++)
+        sum += chiaro_edge_form(n, corner[k], corner[(k + 1) % 4]);
+    return fminf(1, fabsf(sum) / (2 * CHIARO_PI));
 }
 
 float chiaro_blocker_window(float distance, float reach)
@@ -84,9 +86,41 @@ static uint32_t choose_nodes(const ChiaroPrimitives *primitives, uint32_t chosen
     return count;
 }
 
-static ChiaroWorldBlocker make_blocker(const Pose *pose, const ChiaroPrimitive *node, const float *axes, uint32_t id)
+/* A plate as a rectangle along the axes of its object: as wide as its elements are spread, each a square of its own. */
+static void lay_plate(const Pose *pose, const ChiaroObject *object, const ChiaroPrimitive *node,
+                      ChiaroWorldBlocker *blocker)
+{
+    Vec3 normal = vec3_normalize(vec3_load(node->normal)), axis = {0, 0, 0}, edge[2];
+    float n[3] = {fabsf(normal.x), fabsf(normal.y), fabsf(normal.z)}, spread[2] = {0, 0};
+    if (n[0] <= n[1] && n[0] <= n[2])
+        axis.x = 1;
+    else if (n[1] <= n[2])
+        axis.y = 1;
+    else
+        axis.z = 1;
+    edge[0] = vec3_normalize(vec3_mad(axis, normal, -vec3_dot(axis, normal)));
+    edge[1] = vec3_cross(normal, edge[0]);
+    for (uint32_t i = node->first; i < node->first + node->count; i++) {
+        const ChiaroElement *element = &object->elements[object->primitives.elements[i]];
+        Vec3 from = vec3_sub(vec3_load(element->position), vec3_load(node->center));
+        for (uint32_t k = 0; k < 2 && node->area > 0; k++) {
+            float away = vec3_dot(edge[k], from);
+            spread[k] += element->area / node->area * (away * away + element->area / 12);
+        }
+    }
+    /* As long and wide as its spread tells, and of its area. */
+    float area = node->area * vec3_length(vec3_load(node->normal)), ratio = 1;
+    if (spread[0] > 0 && spread[1] > 0)
+        ratio = sqrtf(spread[0] / spread[1]);
+    vec3_store(blocker->axes[1], vec3_scale(pose_turn(pose, edge[0]), pose->scale * sqrtf(area * ratio) / 2));
+    vec3_store(blocker->axes[2], vec3_scale(pose_turn(pose, edge[1]), pose->scale * sqrtf(area / ratio) / 2));
+}
+
+static ChiaroWorldBlocker make_blocker(const Pose *pose, const ChiaroObject *object, uint32_t number, const float *axes,
+                                       uint32_t id)
 {
     ChiaroWorldBlocker blocker = {.object = id};
+    const ChiaroPrimitive *node = &object->primitives.nodes[number];
     float square = pose->scale * pose->scale, local[3], intensity[3];
     Vec3 normal = vec3_load(node->normal);
     vec3_store(blocker.center, pose_point(pose, vec3_load(node->center)));
@@ -105,6 +139,8 @@ static ChiaroWorldBlocker make_blocker(const Pose *pose, const ChiaroPrimitive *
         blocker.axes[i][3] = square * (blocker.plate ? area : node->area / 4);
         largest = fmaxf(largest, blocker.axes[i][3]);
     }
+    if (blocker.plate)
+        lay_plate(pose, object, node, &blocker);
     blocker.reach = REACH * sqrtf(largest / CHIARO_PI);
     return blocker;
 }
@@ -246,7 +282,7 @@ void chiaro_blockers_build(ChiaroWorld *world, BlockerGrid *grid, bool newest)
         const float *axes = newest && body->painted ? world->next.axes : world->last.axes;
         uint32_t nodes = choose_nodes(primitives, chosen);
         for (uint32_t k = 0; k < nodes; k++)
-            grid->blockers[count++] = make_blocker(newest ? &body->now : &body->pose, &primitives->nodes[chosen[k]],
+            grid->blockers[count++] = make_blocker(newest ? &body->now : &body->pose, &body->object, chosen[k],
                                                    axes + 18 * (2 * (size_t)body->first_element + chosen[k]), n);
     }
     view->blockers = grid->blockers, view->blocker_count = count;
@@ -277,7 +313,7 @@ static float blocker_form(const ChiaroWorldBlocker *blocker, Vec3 point, Vec3 no
     float window = chiaro_blocker_window(distance, blocker->reach);
     if (blocker->plate) {
         *radiance = vec3_load(blocker->axes[0]);
-        return window * chiaro_plate_form(p, n, blocker->center, blocker->normal, blocker->axes[0][3]);
+        return window * chiaro_rectangle_form(p, n, blocker->center, blocker->axes[1], blocker->axes[2]);
     }
     vec3_store(w, vec3_normalize(way));
     *radiance = vec3(0, 0, 0);
@@ -291,11 +327,11 @@ static float blocker_form(const ChiaroWorldBlocker *blocker, Vec3 point, Vec3 no
 
 /* All of an object: what it leaves open, and what it gives back. Close to where it touches, a receiver sees only that
  * part of it which the gap between the two lights: for a ball on a plane, the light there falls as the root of what is
- * open. */
+ * open (measured). */
 static float take_object(float form, Vec3 given, Vec3 *bounce)
 {
     float open = 1 - fminf(1, form);
-    *bounce = vec3_mad(*bounce, given, fminf(1, GAP * sqrtf(open)));
+    *bounce = vec3_mad(*bounce, given, fminf(1, CHIARO_BLOCKER_GAP * sqrtf(open)));
     return open;
 }
 

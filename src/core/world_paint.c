@@ -15,18 +15,11 @@
 /* A texel so full is closed: the items of a surface cover it to a few parts in a hundred. */
 static const float CLOSED = 0.93f;
 /* In radii of the object's part: nearer neighbours are seen from the hull. */
-static const float NEAR_OBJECT = 5;
+static const float NEAR_OBJECT = 4;
 /* Things less visible are left out of the near sum. */
 static const float LEAST_VISIBLE = 0.01f;
 
-enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS, MAX_NEAR = 512 };
-
-/* A near thing: a plate, or a ball of which so much is seen. */
-typedef struct NearThing {
-    Vec3 center, normal, radiance;
-    float area, visible;
-    bool ball;
-} NearThing;
+enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS };
 
 typedef struct Canvas {
     ChiaroWorld *world;
@@ -41,8 +34,6 @@ typedef struct Canvas {
     float near_share[CHIARO_CUBE_MAX_TEXELS];     /* of it, near */
     float radiance[4 * CHIARO_CUBE_MAX_TEXELS];
     uint32_t closed;
-    NearThing things[MAX_NEAR];
-    uint32_t thing_count;
 } Canvas;
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -85,12 +76,6 @@ static uint32_t list_neighbours(const Canvas *canvas, uint32_t id, Listed listed
     return total;
 }
 
-static void add_thing(Canvas *canvas, const NearThing *thing)
-{
-    if (canvas->thing_count < MAX_NEAR)
-        canvas->things[canvas->thing_count++] = *thing;
-}
-
 /* A node of a neighbour; all numbers of the node are in the neighbour's own space. */
 static void paint_node(Canvas *canvas, const Body *other, uint32_t number, bool near)
 {
@@ -120,7 +105,7 @@ static void paint_node(Canvas *canvas, const Body *other, uint32_t number, bool 
     if (!thing.ball)
         thing.area = node->area * vec3_length(normal) * square;
     thing.normal = vec3_normalize(pose_turn(pose, normal));
-    add_thing(canvas, &thing);
+    chiaro_near_add(&canvas->world->near, &thing);
 }
 
 static void paint_neighbours(Canvas *canvas, uint32_t id)
@@ -213,13 +198,14 @@ static void paint_static(Canvas *canvas)
     uint32_t count = chiaro_static_items(world, canvas->center, canvas->radius);
     for (uint32_t i = 0; i < count && canvas->closed < world->texel_count; i++) {
         Item *item = &world->items[i];
+        item->near = item->near && world->near.plate_count < WORLD_MAX_NEAR;
         paint_item(canvas, item);
         if (!item->near || !(item->visible > LEAST_VISIBLE))
             continue;
         NearThing thing = {.center = item->center, .normal = item->normal, .area = item->area,
                            .visible = fminf(1, item->visible)};
         thing.radiance = vec3_scale(item_radiosity(world, item), 1 / CHIARO_PI);
-        add_thing(canvas, &thing);
+        chiaro_near_add(&canvas->world->near, &thing);
     }
 }
 
@@ -252,29 +238,6 @@ static void resolve(Canvas *canvas)
     }
 }
 
-/* The near things from the hull, at one texel; the rest as it was smoothed. */
-static void add_near(const Canvas *canvas, Vec3 point, Vec3 normal, float texel[4])
-{
-    Vec3 sum = vec3_load(texel);
-    float p[3], n[3], weight = texel[3];
-    vec3_store(p, point);
-    vec3_store(n, normal);
-    for (uint32_t i = 0; i < canvas->thing_count; i++) {
-        const NearThing *thing = &canvas->things[i];
-        float center[3], facing[3], form;
-        vec3_store(center, thing->center);
-        vec3_store(facing, thing->normal);
-        form = thing->ball ? chiaro_sphere_form(p, n, center, sqrtf(thing->area / CHIARO_PI))
-                           : chiaro_plate_form(p, n, center, facing, thing->area);
-        form *= thing->visible;
-        sum = vec3_mad(sum, thing->radiance, form);
-        weight += form;
-    }
-    if (weight > 0.01f)
-        sum = vec3_scale(sum, 1 / weight);
-    vec3_store(texel, sum);
-}
-
 static void paint_part(Canvas *canvas, uint32_t id, uint32_t part)
 {
     ChiaroWorld *world = canvas->world;
@@ -287,7 +250,7 @@ static void paint_part(Canvas *canvas, uint32_t id, uint32_t part)
     memset(canvas->before_far, 0, sizeof canvas->before_far);
     memset(canvas->near_share, 0, sizeof canvas->near_share);
     memset(canvas->radiance, 0, sizeof canvas->radiance);
-    canvas->closed = canvas->thing_count = 0;
+    canvas->closed = world->near.plate_count = world->near.ball_count = 0;
     canvas->any_near = canvas->any_far = false;
     canvas->center = pose_point(&body->pose, vec3_load(from->center));
     canvas->radius = from->radius * body->pose.scale;
@@ -300,11 +263,11 @@ static void paint_part(Canvas *canvas, uint32_t id, uint32_t part)
     for (uint32_t t = 0; t < world->texel_count; t++) {
         Vec3 normal = vec3_load(world->kernel->centre[t]);
         float local[3], place[4];
-        if (canvas->thing_count) {
+        if (world->near.plate_count || world->near.ball_count) {
             vec3_store(local, pose_turn_back(&body->pose, normal));
             chiaro_cube_look_up(world->kernel, hull, local, place);
             Vec3 skin = vec3_scale(pose_turn(&body->pose, vec3_load(place)), body->pose.scale);
-            add_near(canvas, vec3_add(canvas->center, skin), normal, texels + 4 * t);
+            chiaro_near_sum(&world->near, vec3_add(canvas->center, skin), normal, texels + 4 * t);
         }
         texels[4 * t + 3] = 1;
     }

@@ -13,7 +13,7 @@ static const float SPAN = 0.35f;
 /* A node whose mean normal is shorter than this is opened, unless it is smaller than the span by so much. */
 static const float ONE_WAY = 0.9f, TINY = 0.1f;
 /* In radii of the object's part: up to where things count as near; the finest pieces. */
-static const float NEAR = 5, FINEST = 0.2f;
+static const float NEAR = 3, FINEST = 0.2f;
 /* Pieces of near leaves span so much from the nearest skin. */
 static const float NEAR_SPAN = 0.35f;
 
@@ -69,17 +69,23 @@ static void add_item(Walk *walk, const Item *like, Vec3 center, float area)
     walk->world->items[walk->count++] = item;
 }
 
+/* How long the edge of a piece may be. */
+static float piece_edge(const Walk *walk, float distance)
+{
+    float edge = 2 * walk->span * distance;
+    if (distance < NEAR * walk->radius)
+        edge = fminf(edge, fmaxf(FINEST * walk->radius, NEAR_SPAN * (distance - walk->radius)));
+    return edge;
+}
+
 /* A square: cut in four until the pieces are small enough. */
 static void add_square(Walk *walk, const Item *like, Vec3 center, Vec3 across, Vec3 along, float edge)
 {
-    float distance = vec3_length(vec3_sub(center, walk->center)), skin = distance - walk->radius;
-    float fine = 2 * walk->span * fmaxf(distance, edge / 2);
+    float distance = vec3_length(vec3_sub(center, walk->center));
     /* From behind, pieces are neither seen nor cut; a piece reaches half a diagonal beyond its centre. */
     if (vec3_dot(like->normal, vec3_sub(walk->center, center)) <= 0)
         return;
-    if (distance < NEAR * walk->radius)
-        fine = fminf(fine, fmaxf(FINEST * walk->radius, NEAR_SPAN * skin));
-    if (edge <= fine || walk->full) {
+    if (edge <= piece_edge(walk, fmaxf(distance, edge / 2)) || walk->full) {
         add_item(walk, like, center, edge * edge);
         return;
     }
@@ -122,7 +128,7 @@ static void walk_tree(Walk *walk, uint32_t root)
         if (node->first >= t->sample_count || (pure && flatness > 0.9999f && vec3_dot(normal, way) > node->radius))
             continue; /* sky, or all of it looks away */
         Item item = {.normal = vec3_normalize(normal), .node = n};
-        if (node->count == 1 && (node->radius > reach || distance < NEAR * walk->radius)) {
+        if (node->count == 1 && sqrtf(node->area) > piece_edge(walk, distance)) {
             add_leaf(walk, &item);
         } else if (node->count == 1) {
             add_item(walk, &item, center, node->area * flatness);
