@@ -440,16 +440,28 @@ float chiaro_sphere_form(vec3 way, vec3 normal, float radius)
     return max(0, (ratio * ratio * (cosine * acos(y) - x * sine * root) + atan(sine * root, x)) / chiaro_pi);
 }
 
-/* Twin of chiaro_plate_form. */
-float chiaro_plate_form(vec3 way, vec3 normal, vec3 facing, float area)
+/* Angle under which an edge is seen, times the cosine of its plane's normal: Lambert's sum over edges. */
+float chiaro_edge_form(vec3 normal, vec3 a, vec3 b)
 {
-    float square = dot(way, way), height = dot(normal, way), front = -dot(facing, way), cosine = dot(normal, facing);
-    float rise = sqrt(area / chiaro_pi * max(0, 1 - cosine * cosine));
-    if (front <= 0 || square <= 0 || area <= 0 || height <= -rise)
+    vec3 plane = cross(a, b);
+    float size = length(plane);
+    return size > 0 ? atan(size, dot(a, b)) * dot(normal, plane) / size : 0;
+}
+
+/* Twin of chiaro_rectangle_form. */
+float chiaro_rectangle_form(vec3 way, vec3 normal, vec3 across, vec3 along)
+{
+    way += normal * (1e-3 * (length(across) + length(along)));
+    if (dot(cross(across, along), way) >= 0)
         return 0;
-    if (height < rise)
-        height = (height + rise) * (height + rise) / (4 * rise);
-    return min(1, height * front * area / (square * (chiaro_pi * square + area)));
+    vec3 a = way - across - along, b = way + across - along, c = way + across + along, d = way - across + along;
+    a += normal * max(0, -dot(normal, a));
+    b += normal * max(0, -dot(normal, b));
+    c += normal * max(0, -dot(normal, c));
+    d += normal * max(0, -dot(normal, d));
+    float sum = chiaro_edge_form(normal, a, b) + chiaro_edge_form(normal, b, c) + chiaro_edge_form(normal, c, d) +
+                chiaro_edge_form(normal, d, a);
+    return min(1, abs(sum) / (2 * chiaro_pi));
 }
 
 /* Form of a blocker over a receiver, and its radiance toward it. */
@@ -462,9 +474,9 @@ float chiaro_blocker_form(uint number, vec3 point, vec3 normal, out vec3 radianc
     if (window <= 0)
         return 0;
     if (chiaro_blockers[number].plate != 0) {
-        vec4 face = chiaro_blockers[number].axes[0];
-        radiance = face.rgb;
-        return window * chiaro_plate_form(way, normal, chiaro_blockers[number].normal, face.w);
+        radiance = chiaro_blockers[number].axes[0].rgb;
+        return window * chiaro_rectangle_form(way, normal, chiaro_blockers[number].axes[1].xyz,
+                                              chiaro_blockers[number].axes[2].xyz);
     }
     vec3 w = -normalize(way);
     vec4 seen = w.x * w.x * chiaro_blockers[number].axes[w.x < 0 ? 1 : 0] +
@@ -483,20 +495,26 @@ float chiaro_blocked(vec3 point, vec3 normal, out vec3 bounce)
         return 1;
     uvec3 cell = uvec3(place);
     uint number = cell.x + chiaro_grid.count.x * (cell.y + chiaro_grid.count.y * cell.z), last = ~0u;
-    float open = 1, sum = 0;
+    float open = 1, sum = 0, left;
+    vec3 given = vec3(0);
     for (uint k = chiaro_cells[number]; k < chiaro_cells[number + 1]; k++) {
         uint blocker = chiaro_cells[chiaro_grid.count.w + k], object = chiaro_blockers[blocker].object.x;
         if (object != last) {
-            open *= 1 - min(1, sum);
+            left = 1 - min(1, sum);
+            bounce += given * min(1, CHIARO_GAP * sqrt(left));
+            open *= left;
             sum = 0;
+            given = vec3(0);
             last = object;
         }
         vec3 radiance;
         float form = chiaro_blocker_form(blocker, point, normal, radiance);
         sum += form;
-        bounce += radiance * (chiaro_pi * form);
+        given += radiance * (chiaro_pi * form);
     }
-    return open * (1 - min(1, sum));
+    left = 1 - min(1, sum);
+    bounce += given * min(1, CHIARO_GAP * sqrt(left));
+    return open * left;
 }
 
 #endif

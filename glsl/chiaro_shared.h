@@ -70,6 +70,9 @@ CHIARO_STRUCT(ChiaroGpuLight)
     CHIARO_UVEC4(info);     /* type; 1: six faces, 0: one view; first layer; unused */
 };
 
+/* CHIARO_BLOCKER_GAP of chiaro_world.h. */
+#define CHIARO_GAP 1.6
+
 /* How cubes of objects are stored: the values of ChiaroCubeFormat. */
 #define CHIARO_GPU_CUBE_UNORM8 0u
 #define CHIARO_GPU_CUBE_HALF 1u
