@@ -420,7 +420,10 @@ layout(std430, set = CHIARO_OBJECT_SET, binding = 3) readonly buffer ChiaroBlock
 layout(std430, set = CHIARO_OBJECT_SET, binding = 4) readonly buffer ChiaroCells
 {
     ChiaroGpuGrid chiaro_grid;
-    uint chiaro_cells[]; /* where the entries of each cell begin, then the entries */
+    /* Two words a cell: where its objects begin that are a single ball, and where the entries of the others do; at the end
+     * where all end; then the entries, which are blockers. The many balls have a loop of their own, because processors
+     * that run several pixels in step go through both sides of a branch. */
+    uint chiaro_cells[];
 };
 
 /* Form factor of a sphere. Twin of chiaro_sphere_form. */
@@ -464,26 +467,39 @@ float chiaro_rectangle_form(vec3 way, vec3 normal, vec3 across, vec3 along)
     return min(1, abs(sum) / (2 * chiaro_pi));
 }
 
-/* Form of a blocker over a receiver, and its radiance toward it. */
-float chiaro_blocker_form(uint number, vec3 point, vec3 normal, out vec3 radiance)
+/* Share of the form of a blocker that counts; 0 out of reach. Twin of chiaro_blocker_window. */
+float chiaro_blocker_window(vec3 way, float reach)
 {
-    vec4 center = chiaro_blockers[number].center;
-    vec3 way = center.xyz - point;
-    float ratio = dot(way, way) / (center.w * center.w), window = 1 - ratio * ratio;
-    radiance = vec3(0);
-    if (window <= 0)
-        return 0;
-    if (chiaro_blockers[number].plate != 0) {
-        radiance = chiaro_blockers[number].axes[0].rgb;
-        return window * chiaro_rectangle_form(way, normal, chiaro_blockers[number].axes[1].xyz,
-                                              chiaro_blockers[number].axes[2].xyz);
-    }
+    float ratio = dot(way, way) / (reach * reach);
+    return max(0, 1 - ratio * ratio);
+}
+
+/* Form of a ball, and its radiance, over a receiver. */
+float chiaro_ball_form(uint number, vec3 way, vec3 normal, out vec3 radiance)
+{
     vec3 w = -normalize(way);
     vec4 seen = w.x * w.x * chiaro_blockers[number].axes[w.x < 0 ? 1 : 0] +
                 w.y * w.y * chiaro_blockers[number].axes[w.y < 0 ? 3 : 2] +
                 w.z * w.z * chiaro_blockers[number].axes[w.z < 0 ? 5 : 4];
     radiance = seen.rgb;
-    return window * chiaro_sphere_form(way, normal, sqrt(seen.w / chiaro_pi));
+    return chiaro_sphere_form(way, normal, sqrt(seen.w / chiaro_pi));
+}
+
+/* The same of any blocker. */
+float chiaro_blocker_form(uint number, vec3 way, vec3 normal, out vec3 radiance)
+{
+    if (chiaro_blockers[number].plate == 0)
+        return chiaro_ball_form(number, way, normal, radiance);
+    radiance = chiaro_blockers[number].axes[0].rgb;
+    return chiaro_rectangle_form(way, normal, chiaro_blockers[number].axes[1].xyz, chiaro_blockers[number].axes[2].xyz);
+}
+
+/* All of an object: what it leaves open, and what it gives back. */
+float chiaro_take_object(float form, vec3 given, inout vec3 bounce)
+{
+    float left = 1 - min(1, form);
+    bounce += given * (chiaro_pi * min(1, CHIARO_GAP * sqrt(left)));
+    return left;
 }
 
 /* What objects do to a point of a static surface: irradiance' = open * irradiance + bounce. Twin of chiaro_world_blocked. */
@@ -494,27 +510,33 @@ float chiaro_blocked(vec3 point, vec3 normal, out vec3 bounce)
     if (any(lessThan(place, vec3(0))) || any(greaterThanEqual(place, vec3(chiaro_grid.count.xyz))))
         return 1;
     uvec3 cell = uvec3(place);
-    uint number = cell.x + chiaro_grid.count.x * (cell.y + chiaro_grid.count.y * cell.z), last = ~0u;
-    float open = 1, sum = 0, left;
-    vec3 given = vec3(0);
-    for (uint k = chiaro_cells[number]; k < chiaro_cells[number + 1]; k++) {
+    uint number = 2 * (cell.x + chiaro_grid.count.x * (cell.y + chiaro_grid.count.y * cell.z)), last = ~0u;
+    uint balls = chiaro_cells[number], others = chiaro_cells[number + 1], end = chiaro_cells[number + 2];
+    float open = 1, sum = 0;
+    vec3 given = vec3(0), radiance;
+    for (uint k = balls; k < others; k++) {
+        uint blocker = chiaro_cells[chiaro_grid.count.w + k];
+        vec4 center = chiaro_blockers[blocker].center;
+        vec3 way = center.xyz - point;
+        float form = chiaro_blocker_window(way, center.w) * chiaro_ball_form(blocker, way, normal, radiance);
+        open *= chiaro_take_object(form, form * radiance, bounce);
+    }
+    for (uint k = others; k < end; k++) {
         uint blocker = chiaro_cells[chiaro_grid.count.w + k], object = chiaro_blockers[blocker].object.x;
+        if (object != last)
+            open *= chiaro_take_object(sum, given, bounce);
         if (object != last) {
-            left = 1 - min(1, sum);
-            bounce += given * min(1, CHIARO_GAP * sqrt(left));
-            open *= left;
             sum = 0;
             given = vec3(0);
             last = object;
         }
-        vec3 radiance;
-        float form = chiaro_blocker_form(blocker, point, normal, radiance);
+        vec4 center = chiaro_blockers[blocker].center;
+        vec3 way = center.xyz - point;
+        float form = chiaro_blocker_window(way, center.w) * chiaro_blocker_form(blocker, way, normal, radiance);
         sum += form;
-        given += radiance * (chiaro_pi * form);
+        given += form * radiance;
     }
-    left = 1 - min(1, sum);
-    bounce += given * min(1, CHIARO_GAP * sqrt(left));
-    return open * left;
+    return open * chiaro_take_object(sum, given, bounce);
 }
 
 #endif

@@ -271,6 +271,7 @@ typedef struct ObjectsState {
     float *colors;     /* two cubes a slot */
     uint32_t *painted; /* slots that the last update painted */
     uint32_t *encoded; /* two cubes */
+    uint32_t *cells;   /* of the grid of blockers, as the device has them */
     uint32_t painted_count, fading;
     uint64_t upload_bytes, bytes, revision;
     bool info_written, grid_written;

@@ -18,6 +18,9 @@
 /* Frames that a fade takes: as many as lie between two paintings of a cube, within these. */
 enum { DEFAULT_CUBES = 8, SHORTEST_FADE = 4, LONGEST_FADE = 64 };
 
+/* At most: see sort_cells. */
+enum { CELL_WORDS = CHIARO_MAX_WORLD_CELLS * (CHIARO_MAX_CELL_BLOCKERS + 2) + 1 };
+
 /* The light of the static scene follows objects' shadows this often, in frames: illumination may be late. */
 enum { SHADOW_INTERVAL = 8 };
 
@@ -85,7 +88,8 @@ static ChiaroResult create_lists(ChiaroVulkan *context, const ChiaroVulkanObject
     state->colors = chiaro_vulkan_alloc(context, 8 * (size_t)state->slot_count, state->texels * sizeof(float));
     state->painted = chiaro_vulkan_alloc(context, state->cubes + CHIARO_MAX_OBJECT_PARTS, sizeof(uint32_t));
     state->encoded = chiaro_vulkan_alloc(context, 2 * (size_t)state->words, sizeof(uint32_t));
-    if (!state->meshes_by_number || !state->shown || !state->slots || !state->scales || !state->colors ||
+    state->cells = chiaro_vulkan_alloc(context, CELL_WORDS, sizeof(uint32_t));
+    if (!state->cells || !state->meshes_by_number || !state->shown || !state->slots || !state->scales || !state->colors ||
         !state->painted || !state->encoded)
         return CHIARO_ERROR_MEMORY;
     for (uint32_t i = 0; i < state->capacity; i++)
@@ -117,8 +121,7 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
         {&state->scale_buffer, sizeof(ChiaroGpuCubes) + slots * 2 * sizeof(float)},
         {&state->cube_buffer, slots * 2 * state->words * sizeof(uint32_t)},
         {&state->blockers, CHIARO_MAX_OBJECT_BLOCKERS * capacity * sizeof(ChiaroWorldBlocker)},
-        {&state->grid, sizeof(ChiaroGpuGrid) +
-                           (CHIARO_MAX_WORLD_CELLS * (CHIARO_MAX_CELL_BLOCKERS + 1ull) + 1) * sizeof(uint32_t)},
+        {&state->grid, sizeof(ChiaroGpuGrid) + CELL_WORDS * sizeof(uint32_t)},
     };
     for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
         *wanted[i].buffer = chiaro_arena_buffer(context, arena, gi || i == 0 ? wanted[i].size : 16, storage, false, bytes);
@@ -223,7 +226,7 @@ void chiaro_objects_release(ChiaroVulkan *context)
     chiaro_arena_retire(context, &state->arena);
     chiaro_arena_retire(context, &state->read_arena);
     void *lists[] = {state->meshes_by_number, state->shown, state->slots, state->scales,
-                     state->colors,           state->painted, state->encoded};
+                     state->colors,           state->painted, state->encoded, state->cells};
     for (uint32_t i = 0; i < sizeof lists / sizeof *lists; i++)
         chiaro_vulkan_free(context, lists[i]);
     memset(state, 0, sizeof *state);
@@ -461,6 +464,28 @@ static void fade_cubes(ChiaroVulkan *context, VkCommandBuffer commands)
 
 /* ---- back onto the static world ----------------------------------------------------------------------------------- */
 
+/* Entries of a cell as the shader wants them (ChiaroCells): objects that are one ball, then the others. */
+static void sort_cells(const ChiaroWorldBlockers *b, uint32_t *words)
+{
+    uint32_t *entries = words + 2 * (size_t)b->cell_count + 1, written = 0;
+    for (uint32_t c = 0; c < b->cell_count; c++) {
+        uint32_t first = b->cell_first[c], end = b->cell_first[c + 1];
+        for (uint32_t others = 0; others < 2; others++) {
+            words[2 * (size_t)c + others] = written;
+            for (uint32_t k = first, next; k < end; k = next) {
+                const ChiaroWorldBlocker *blocker = &b->blockers[b->cell_blockers[k]];
+                for (next = k + 1; next < end && b->blockers[b->cell_blockers[next]].object == blocker->object;)
+                    next++;
+                if ((next == k + 1 && !blocker->plate) == !others) {
+                    memcpy(entries + written, b->cell_blockers + k, (next - k) * sizeof *entries);
+                    written += next - k;
+                }
+            }
+        }
+    }
+    words[2 * (size_t)b->cell_count] = written;
+}
+
 static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands)
 {
     ObjectsState *state = &context->objects;
@@ -473,12 +498,11 @@ static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands)
     ChiaroGpuGrid grid = {.low = {b.low[0], b.low[1], b.low[2], b.size > 0 ? 1 / b.size : 0}};
     if (b.cell_count > 0) {
         memcpy(grid.count, b.count, sizeof b.count);
-        grid.count[3] = b.cell_count + 1;
+        grid.count[3] = 2 * b.cell_count + 1;
+        sort_cells(&b, state->cells);
         chiaro_record_write(context, commands, state->blockers, 0, b.blockers, b.blocker_count * sizeof *b.blockers);
-        chiaro_record_write(context, commands, state->grid, sizeof grid, b.cell_first,
-                            (b.cell_count + 1) * sizeof(uint32_t));
-        chiaro_record_write(context, commands, state->grid, sizeof grid + (b.cell_count + 1) * sizeof(uint32_t),
-                            b.cell_blockers, b.entry_count * sizeof(uint32_t));
+        chiaro_record_write(context, commands, state->grid, sizeof grid, state->cells,
+                            (grid.count[3] + b.entry_count) * sizeof(uint32_t));
     }
     chiaro_record_write(context, commands, state->grid, 0, &grid, sizeof grid);
 }
