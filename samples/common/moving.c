@@ -11,16 +11,16 @@
 #define START 1e-3f
 
 /* True if the object is in the way. Poses turn, scale evenly and move. */
-static bool blocks(const ChiaroRays *own, const ChiaroObject *object, const float m[16], Vec3 from, Vec3 way, float end)
+static bool blocks(const ChiaroRays *own, const MovingPose *pose, Vec3 from, Vec3 way, float end)
 {
-    Vec3 x = vec3_load(m), y = vec3_load(m + 4), z = vec3_load(m + 8), c = vec3_load(object->center);
-    float size = vec3_length(x), shrink = 1 / vec3_dot(x, x), radius = object->radius * size;
-    Vec3 center = vec3_mad(vec3_mad(vec3_mad(vec3_load(m + 12), x, c.x), y, c.y), z, c.z);
-    Vec3 line = vec3_sub(center, from);
+    const float *m = pose->transform;
+    Vec3 line = vec3_sub(pose->center, from);
     float along = fmaxf(0, fminf(end, vec3_dot(line, way)));
-    if (vec3_length(vec3_mad(line, way, -along)) > radius)
+    Vec3 miss = vec3_mad(line, way, -along);
+    if (vec3_dot(miss, miss) > pose->radius * pose->radius)
         return false;
-    Vec3 start = vec3_sub(from, vec3_load(m + 12));
+    Vec3 x = vec3_load(m), y = vec3_load(m + 4), z = vec3_load(m + 8), start = vec3_sub(from, vec3_load(m + 12));
+    float size = vec3_length(x), shrink = 1 / vec3_dot(x, x);
     start = vec3_scale(vec3(vec3_dot(x, start), vec3_dot(y, start), vec3_dot(z, start)), shrink);
     Vec3 direction = vec3_scale(vec3(vec3_dot(x, way), vec3_dot(y, way), vec3_dot(z, way)), 1 / size);
     return chiaro_rays_blocked(own, start, direction, 0, end / size);
@@ -36,8 +36,8 @@ static bool sees_light(const ChiaroLight *light, const float point[3], const flo
     chiaro_light_at(light, point, toward, &distance, rgb);
     for (uint32_t i = 0; i < moving->objects.count; i++) {
         /* An element of a round thing lies a little within it. */
-        Vec3 start = vec3_mad(p, n, START * moving->baked[i].radius);
-        if (blocks(moving->own[i], &moving->baked[i], moving->poses[i], start, vec3_load(toward), distance))
+        Vec3 start = vec3_mad(p, n, START * moving->poses[i].radius);
+        if (blocks(moving->own[i], &moving->poses[i], start, vec3_load(toward), distance))
             return false;
     }
     return true;
@@ -91,6 +91,20 @@ static void bake_objects(const SceneOptions *options, Moving *moving)
     moving->seconds = now() - start;
 }
 
+static const MovingPose *take_pose(Moving *moving, uint32_t number, double time, float radius, float turn)
+{
+    MovingPose *pose = &moving->poses[number];
+    const ChiaroObject *object = &moving->baked[number];
+    float *m = pose->transform;
+    objects_transform(&moving->objects, number, time, m);
+    m[12] += radius * cosf(turn + (float)number);
+    m[14] += radius * sinf(turn + (float)number);
+    Vec3 center = vec3_mad(vec3_load(m + 12), vec3_load(m), object->center[0]);
+    pose->center = vec3_mad(vec3_mad(center, vec3_load(m + 4), object->center[1]), vec3_load(m + 8), object->center[2]);
+    pose->radius = object->radius * vec3_length(vec3_load(m));
+    return pose;
+}
+
 static void create_world(const SceneOptions *options, const ChiaroTransport *transport, Moving *moving)
 {
     ChiaroWorldDesc desc = {.struct_size = sizeof desc,
@@ -106,9 +120,9 @@ static void create_world(const SceneOptions *options, const ChiaroTransport *tra
     must(options, "all", chiaro_world_create(&desc, &moving->world));
     for (uint32_t i = 0; i < moving->objects.count; i++) {
         const SceneObject *object = &moving->objects.list[i];
-        float *pose = moving->poses[i];
-        objects_transform(&moving->objects, i, (double)options->time, pose);
-        must(options, object->name, chiaro_object_add(moving->world, &moving->baked[i], pose, &moving->ids[i]));
+        const MovingPose *pose = take_pose(moving, i, (double)options->time, 0, 0);
+        must(options, object->name,
+             chiaro_object_add(moving->world, &moving->baked[i], pose->transform, &moving->ids[i]));
     }
 }
 
@@ -198,10 +212,8 @@ ChiaroResult moving_load(Moving *moving, const ChiaroVulkanApi *api, ChiaroVulka
 void moving_pose(const SceneOptions *options, Moving *moving, double time, float radius, float turn)
 {
     for (uint32_t i = 0; i < moving->objects.count; i++) {
-        float *pose = moving->poses[i];
-        objects_transform(&moving->objects, i, time, pose);
-        pose[12] += radius * cosf(turn + (float)i);
-        pose[14] += radius * sinf(turn + (float)i);
-        must(options, moving->objects.list[i].name, chiaro_object_move(moving->world, moving->ids[i], pose));
+        const MovingPose *pose = take_pose(moving, i, time, radius, turn);
+        must(options, moving->objects.list[i].name,
+             chiaro_object_move(moving->world, moving->ids[i], pose->transform));
     }
 }

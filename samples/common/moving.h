@@ -13,6 +13,12 @@ typedef struct MovingDesc {
     uint32_t seed, threads;
 } MovingDesc;
 
+typedef struct MovingPose {
+    float transform[16];
+    Vec3 center; /* of a sphere that holds the object */
+    float radius;
+} MovingPose;
+
 typedef struct Moving {
     SceneObjects objects;
     MergedScene meshes; /* of all, each in its own space */
@@ -23,7 +29,7 @@ typedef struct Moving {
     ChiaroWorld *world;
     ChiaroRays *rays;  /* of the static scene: shadows of light that objects pass on ... */
     ChiaroRays **own;  /* ... and of each object, in its own space */
-    float (*poses)[16]; /* where each of them is */
+    MovingPose *poses; /* where each of them is */
     MovingDesc desc;
     double seconds;   /* that baking took */
 } Moving;
