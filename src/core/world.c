@@ -40,7 +40,7 @@ static bool resolve(const ChiaroWorldDesc *from, ChiaroWorldDesc *desc)
     if (desc->object_capacity < 1 || desc->object_capacity > CHIARO_MAX_WORLD_OBJECTS)
         return false;
     desc->cube_capacity = desc->cube_capacity ? desc->cube_capacity : desc->object_capacity;
-    desc->element_capacity = desc->element_capacity ? desc->element_capacity : 64 * desc->object_capacity;
+    desc->element_capacity = desc->element_capacity ? desc->element_capacity : 96 * desc->object_capacity;
     desc->edge = desc->edge ? desc->edge : 4;
     desc->neighbours = desc->neighbours ? desc->neighbours : 8;
     return desc->cube_capacity <= CHIARO_MAX_OBJECT_PARTS * CHIARO_MAX_WORLD_OBJECTS &&

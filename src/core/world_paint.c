@@ -14,6 +14,9 @@
 
 /* A texel so full is closed: the items of a surface cover it to a few parts in a hundred. */
 static const float CLOSED = 0.93f;
+/* A texel at least half full takes nothing that is behind the plane of what covers most of it, by so much of its own
+ * size: round things bend away from their plane. */
+static const float HALF_FULL = 0.5f, BEHIND = 0.25f;
 /* In radii of the object's part: nearer neighbours are seen from the hull. */
 static const float NEAR_OBJECT = 4;
 /* Things less visible are left out of the near sum. */
@@ -30,6 +33,10 @@ typedef struct Canvas {
     bool any_near, any_far;
     float full[CHIARO_CUBE_MAX_TEXELS];           /* static cover */
     Vec3 covered[CHIARO_CUBE_MAX_TEXELS];         /* its directions, summed */
+    struct {
+        float share;
+        Vec3 center, normal;
+    } front[CHIARO_CUBE_MAX_TEXELS]; /* the item that covers most of a texel */
     float before_near[CHIARO_CUBE_MAX_TEXELS], before_far[CHIARO_CUBE_MAX_TEXELS]; /* of it, in front of neighbours */
     float near_share[CHIARO_CUBE_MAX_TEXELS];     /* of it, near */
     float radiance[4 * CHIARO_CUBE_MAX_TEXELS];
@@ -143,6 +150,15 @@ static float left_over(const ChiaroCubeTexel *texel, float distance, float share
     return 1;
 }
 
+/* Gaps between the items of a wall are not to be filled with what is behind the wall. */
+static bool is_behind(const Canvas *canvas, uint32_t t, const Item *item)
+{
+    if (canvas->full[t] < HALF_FULL)
+        return false;
+    Vec3 from = vec3_sub(item->center, canvas->front[t].center);
+    return vec3_dot(from, canvas->front[t].normal) < -BEHIND * sqrtf(item->area);
+}
+
 static void paint_item(Canvas *canvas, Item *item)
 {
     const ChiaroWorld *world = canvas->world;
@@ -155,8 +171,11 @@ static void paint_item(Canvas *canvas, Item *item)
     for (uint32_t k = 0; k < 4; k++) {
         uint32_t t = taps.texel[k];
         float share = item->angle * taps.weight[k] / world->kernel->weight[t], seen = share;
-        if (!(share > 0) || canvas->full[t] >= CLOSED)
+        if (!(share > 0) || canvas->full[t] >= CLOSED || is_behind(canvas, t, item))
             continue;
+        if (share > canvas->front[t].share)
+            canvas->front[t].share = share, canvas->front[t].center = item->center,
+            canvas->front[t].normal = item->normal;
         canvas->full[t] += share;
         canvas->covered[t] = vec3_mad(canvas->covered[t], item->direction, share);
         canvas->closed += canvas->full[t] >= CLOSED;
@@ -245,6 +264,7 @@ static void paint_part(Canvas *canvas, uint32_t id, uint32_t part)
     const ChiaroObjectPart *from = &body->object.parts[part];
     float *texels = world->next.texels + 4 * (size_t)(body->first_slot + part) * world->texel_count;
     memset(canvas->full, 0, sizeof canvas->full);
+    memset(canvas->front, 0, sizeof canvas->front);
     memset(canvas->covered, 0, sizeof canvas->covered);
     memset(canvas->before_near, 0, sizeof canvas->before_near);
     memset(canvas->before_far, 0, sizeof canvas->before_far);
