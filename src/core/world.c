@@ -99,6 +99,8 @@ static ChiaroResult make_static(ChiaroWorld *world)
         return CHIARO_ERROR_MEMORY;
     if (!chiaro_static_roots(world))
         return CHIARO_ERROR_DATA;
+    if (!chiaro_static_tiles(world))
+        return CHIARO_ERROR_MEMORY;
     for (uint32_t s = 0; s < t->sample_count; s++)
         memcpy(world->albedo + 3 * (size_t)s, t->samples[s].albedo, 3 * sizeof(float));
     chiaro_tree_sum(t, world->albedo);
@@ -162,7 +164,7 @@ void chiaro_world_destroy(ChiaroWorld *world)
                    world->neighbour_objects, world->last.texels, world->last.axes, world->next.texels, world->next.axes,
                    world->grid.blockers, world->grid.first, world->grid.entries, world->grid.weights,
                    world->shown.blockers, world->shown.first, world->shown.entries, world->shown.weights, world->albedo,
-                   world->roots, world->stack, world->light.lights, world->light.total, world->light.ambient,
+                   world->roots, world->stack, world->tiles, world->tile_first, world->light.lights, world->light.total, world->light.ambient,
                    world->coming.lights, world->coming.total, world->coming.ambient};
     chiaro_cube_kernel_destroy(world->kernel);
     for (size_t k = 0; k < sizeof all / sizeof *all; k++)

@@ -14,15 +14,17 @@
 
 /* A texel so full is closed: the items of a surface cover it to a few parts in a hundred. */
 static const float CLOSED = 0.93f;
-/* A texel at least half full takes nothing that is behind the plane of what covers most of it, by so much of its own
- * size: round things bend away from their plane. */
-static const float HALF_FULL = 0.5f, BEHIND = 0.25f;
+/* What lies behind the plane of a nearer item in the same direction, by so much of its own size, is hidden: round things
+ * bend away from their plane. */
+static const float BEHIND = 0.25f;
+/* How far out an item counts as there, as a part of its radius. */
+static const float RIM = 0.8f;
 /* In radii of the object's part: nearer neighbours are seen from the hull. */
 static const float NEAR_OBJECT = 4;
 /* Things less visible are left out of the near sum. */
 static const float LEAST_VISIBLE = 0.01f;
 
-enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS };
+enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS, FRONT_EDGE = 16 };
 
 typedef struct Canvas {
     ChiaroWorld *world;
@@ -33,10 +35,7 @@ typedef struct Canvas {
     bool any_near, any_far;
     float full[CHIARO_CUBE_MAX_TEXELS];           /* static cover */
     Vec3 covered[CHIARO_CUBE_MAX_TEXELS];         /* its directions, summed */
-    struct {
-        float share;
-        Vec3 center, normal;
-    } front[CHIARO_CUBE_MAX_TEXELS]; /* the item that covers most of a texel */
+    uint16_t front[6 * FRONT_EDGE * FRONT_EDGE]; /* 1 + the nearest item in a direction; 0: none yet */
     float before_near[CHIARO_CUBE_MAX_TEXELS], before_far[CHIARO_CUBE_MAX_TEXELS]; /* of it, in front of neighbours */
     float near_share[CHIARO_CUBE_MAX_TEXELS];     /* of it, near */
     float radiance[4 * CHIARO_CUBE_MAX_TEXELS];
@@ -150,13 +149,31 @@ static float left_over(const ChiaroCubeTexel *texel, float distance, float share
     return 1;
 }
 
-/* Gaps between the items of a wall are not to be filled with what is behind the wall. */
-static bool is_behind(const Canvas *canvas, uint32_t t, const Item *item)
+/* Is there something in front of an item? Texels are too wide to tell: one that sees a floor and the foot of a wall
+ * would take the floor behind the wall as well. */
+static bool is_hidden(const Canvas *canvas, const Item *item)
 {
-    if (canvas->full[t] < HALF_FULL)
+    uint32_t number = canvas->front[chiaro_cube_texel(item->direction, FRONT_EDGE)];
+    if (!number)
         return false;
-    Vec3 from = vec3_sub(item->center, canvas->front[t].center);
-    return vec3_dot(from, canvas->front[t].normal) < -BEHIND * sqrtf(item->area);
+    const Item *front = &canvas->world->items[number - 1];
+    return vec3_dot(vec3_sub(item->center, front->center), front->normal) < -BEHIND * sqrtf(item->area);
+}
+
+/* Enters an item where nothing nearer was: at its middle and around it. */
+static void put_in_front(Canvas *canvas, const Item *item)
+{
+    static const float around[7][2] = {{0, 0}, {1, 0}, {0.5f, 0.866f}, {-0.5f, 0.866f},
+                                       {-1, 0}, {-0.5f, -0.866f}, {0.5f, -0.866f}};
+    Vec3 way = vec3_sub(item->center, canvas->center), tangent, bitangent;
+    float radius = RIM * sqrtf(item->area / CHIARO_PI);
+    vec3_frame(item->normal, &tangent, &bitangent);
+    for (uint32_t k = 0; k < 7; k++) {
+        Vec3 at = vec3_mad(vec3_mad(way, tangent, radius * around[k][0]), bitangent, radius * around[k][1]);
+        uint16_t *front = &canvas->front[chiaro_cube_texel(at, FRONT_EDGE)];
+        if (!*front)
+            *front = (uint16_t)(1 + (item - canvas->world->items));
+    }
 }
 
 static void paint_item(Canvas *canvas, Item *item)
@@ -171,11 +188,8 @@ static void paint_item(Canvas *canvas, Item *item)
     for (uint32_t k = 0; k < 4; k++) {
         uint32_t t = taps.texel[k];
         float share = item->angle * taps.weight[k] / world->kernel->weight[t], seen = share;
-        if (!(share > 0) || canvas->full[t] >= CLOSED || is_behind(canvas, t, item))
+        if (!(share > 0) || canvas->full[t] >= CLOSED)
             continue;
-        if (share > canvas->front[t].share)
-            canvas->front[t].share = share, canvas->front[t].center = item->center,
-            canvas->front[t].normal = item->normal;
         canvas->full[t] += share;
         canvas->covered[t] = vec3_mad(canvas->covered[t], item->direction, share);
         canvas->closed += canvas->full[t] >= CLOSED;
@@ -218,6 +232,9 @@ static void paint_static(Canvas *canvas)
     for (uint32_t i = 0; i < count && canvas->closed < world->texel_count; i++) {
         Item *item = &world->items[i];
         item->near = item->near && world->near.plate_count < WORLD_MAX_NEAR;
+        if (is_hidden(canvas, item))
+            continue;
+        put_in_front(canvas, item);
         paint_item(canvas, item);
         if (!item->near || !(item->visible > LEAST_VISIBLE))
             continue;
