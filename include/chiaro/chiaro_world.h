@@ -105,7 +105,7 @@ typedef struct ChiaroWorldDesc {
     uint32_t struct_size;     /**< sizeof(ChiaroWorldDesc). */
     uint32_t object_capacity; /**< Most objects at a time, 1 .. CHIARO_MAX_WORLD_OBJECTS. No default. */
     uint32_t cube_capacity;   /**< Most cubes: slots 0 .. cube_capacity - 1. Default: object_capacity. */
-    uint32_t element_capacity; /**< Most elements of all objects together. Default: 64 an object. */
+    uint32_t element_capacity; /**< Most elements of all objects together. Default: 96 an object. */
     uint32_t edge;            /**< Of a cube: 4, 6 or 8. Default 4. */
     uint32_t format;          /**< ChiaroCubeFormat of the encoded cubes. */
     uint32_t neighbours;      /**< Length of the neighbour lists. Default 8. */
@@ -221,10 +221,10 @@ CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *wo
  * axes[2].xyz and the radiance axes[0].rgb:
  *     form = chiaro_rectangle_form().
  * In either case form is multiplied by chiaro_blocker_window(distance from center, reach), so that nothing ends with an
- * edge. Blockers of one object follow each other in a cell. Of each object, form and pi * radiance * form are summed; then
- * with left = 1 - min(1, sum of forms), `open` is multiplied by left, and bounce gains the sum of light times
- * min(1, CHIARO_BLOCKER_GAP * sqrt(left)): close to where it touches, only that part of an object is seen which the gap
- * between the two lights. */
+ * edge. Blockers of one object follow each other in a cell. Of each object, form, pi * radiance * form and
+ * pi * emission * form are summed; then with left = 1 - min(1, sum of forms), `open` is multiplied by left, and bounce
+ * gains mix(sum of emission, sum of radiance, min(1, CHIARO_BLOCKER_GAP * sqrt(left))): close to where it touches, only
+ * that part of an object is seen which the gap between the two lights. */
 #define CHIARO_BLOCKER_GAP 1.6f
 typedef struct ChiaroWorldBlocker {
     float center[3];
@@ -232,8 +232,8 @@ typedef struct ChiaroWorldBlocker {
     float normal[3];
     uint32_t plate;
     float axes[6][4]; /**< Ball: toward +x -x +y -y +z -z of the world: radiance, and projected area, m^2. */
-    uint32_t object;  /**< Its number. */
-    uint32_t reserved[3];
+    float emission[3]; /**< Of the radiance, what it would have in the dark. */
+    uint32_t object;   /**< Its number. */
 } ChiaroWorldBlocker;
 
 /** All blockers, and a grid that tells which of them matter where. Cell (x, y, z) of a point is

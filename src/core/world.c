@@ -40,7 +40,7 @@ static bool resolve(const ChiaroWorldDesc *from, ChiaroWorldDesc *desc)
     if (desc->object_capacity < 1 || desc->object_capacity > CHIARO_MAX_WORLD_OBJECTS)
         return false;
     desc->cube_capacity = desc->cube_capacity ? desc->cube_capacity : desc->object_capacity;
-    desc->element_capacity = desc->element_capacity ? desc->element_capacity : 64 * desc->object_capacity;
+    desc->element_capacity = desc->element_capacity ? desc->element_capacity : 96 * desc->object_capacity;
     desc->edge = desc->edge ? desc->edge : 4;
     desc->neighbours = desc->neighbours ? desc->neighbours : 8;
     return desc->cube_capacity <= CHIARO_MAX_OBJECT_PARTS * CHIARO_MAX_WORLD_OBJECTS &&
@@ -99,6 +99,8 @@ static ChiaroResult make_static(ChiaroWorld *world)
         return CHIARO_ERROR_MEMORY;
     if (!chiaro_static_roots(world))
         return CHIARO_ERROR_DATA;
+    if (!chiaro_static_tiles(world))
+        return CHIARO_ERROR_MEMORY;
     for (uint32_t s = 0; s < t->sample_count; s++)
         memcpy(world->albedo + 3 * (size_t)s, t->samples[s].albedo, 3 * sizeof(float));
     chiaro_tree_sum(t, world->albedo);
@@ -162,7 +164,7 @@ void chiaro_world_destroy(ChiaroWorld *world)
                    world->neighbour_objects, world->last.texels, world->last.axes, world->next.texels, world->next.axes,
                    world->grid.blockers, world->grid.first, world->grid.entries, world->grid.weights,
                    world->shown.blockers, world->shown.first, world->shown.entries, world->shown.weights, world->albedo,
-                   world->roots, world->stack, world->light.lights, world->light.total, world->light.ambient,
+                   world->roots, world->stack, world->tiles, world->tile_first, world->light.lights, world->light.total, world->light.ambient,
                    world->coming.lights, world->coming.total, world->coming.ambient};
     chiaro_cube_kernel_destroy(world->kernel);
     for (size_t k = 0; k < sizeof all / sizeof *all; k++)

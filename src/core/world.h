@@ -1,6 +1,7 @@
 /* Inside the world of objects: what its files share.
  *
  *   world.c           objects come, move and go; light and sky are taken over; rounds
+ *   world_tiles.c     the true shape of static surfaces
  *   world_static.c    the static tree as a cube's centre sees it: items, near ones in small pieces
  *   world_paint.c     a cube, painted: items, neighbours, sky, smoothing, what is near seen from the skin
  *   world_near.c      what is near a hull, summed for one normal
@@ -11,6 +12,11 @@
 
 #include "chiaro/chiaro_world.h"
 #include "cubes.h"
+
+/* A piece of the drawn static mesh. */
+typedef struct Tile {
+    Vec3 corner[3];
+} Tile;
 
 /* How an object lies in the world: p = place + scale * (x * axis[0] + y * axis[1] + z * axis[2]). */
 typedef struct Pose {
@@ -105,6 +111,8 @@ struct ChiaroWorld {
 
     uint32_t *roots, root_count; /* of the static tree, without the sky */
     float *albedo;               /* of static nodes */
+    Tile *tiles;                 /* of leaf s: tile_first[s] .. tile_first[s + 1] */
+    uint32_t *tile_first;
     StaticLight light, coming;   /* of the round; of the next one */
     bool light_comes;
 
@@ -142,6 +150,34 @@ static inline Vec3 pose_point_back(const Pose *pose, Vec3 p)
 /* --- world.c --- */
 void *chiaro_world_alloc(const ChiaroWorld *world, size_t count, size_t size);
 void chiaro_world_free(const ChiaroWorld *world, void *memory);
+
+static inline Vec3 tile_center(const Tile *tile)
+{
+    return vec3_scale(vec3_add(tile->corner[0], vec3_add(tile->corner[1], tile->corner[2])), 1.0f / 3);
+}
+
+/* Halves a tile across its longest edge; false: that is short enough. */
+static inline bool tile_split(const Tile *tile, float longest, Tile half[2])
+{
+    uint32_t at = 0;
+    float most = 0;
+    for (uint32_t k = 0; k < 3; k++) {
+        Vec3 edge = vec3_sub(tile->corner[(k + 1) % 3], tile->corner[k]);
+        float square = vec3_dot(edge, edge);
+        if (square > most)
+            most = square, at = k;
+    }
+    if (!(most > longest * longest))
+        return false;
+    Vec3 a = tile->corner[at], b = tile->corner[(at + 1) % 3], c = tile->corner[(at + 2) % 3];
+    Vec3 middle = vec3_scale(vec3_add(a, b), 0.5f);
+    half[0] = (Tile){{a, middle, c}}, half[1] = (Tile){{middle, b, c}};
+    return true;
+}
+
+/* --- world_tiles.c --- */
+/* Cuts the drawn mesh into tiles and deals them out to the leaves; false: out of memory. */
+bool chiaro_static_tiles(ChiaroWorld *world);
 
 /* --- world_static.c --- */
 /* Finds the roots of the static tree; false: it is not one. */

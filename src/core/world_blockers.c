@@ -123,9 +123,17 @@ static ChiaroWorldBlocker make_blocker(const Pose *pose, const ChiaroObject *obj
     const ChiaroPrimitive *node = &object->primitives.nodes[number];
     float square = pose->scale * pose->scale, local[3], intensity[3];
     Vec3 normal = vec3_load(node->normal);
-    vec3_store(blocker.center, pose_point(pose, vec3_load(node->center)));
-    vec3_store(blocker.normal, vec3_normalize(pose_turn(pose, normal)));
     blocker.plate = !is_ball(node) && is_plate(node);
+    /* The mean place of a few dozen elements is not quite the middle of a ball. */
+    const float *center = number == 0 && !blocker.plate ? object->center : node->center;
+    vec3_store(blocker.center, pose_point(pose, vec3_load(center)));
+    vec3_store(blocker.normal, vec3_normalize(pose_turn(pose, normal)));
+    for (uint32_t i = node->first; i < node->first + node->count; i++) {
+        uint32_t e = object->primitives.elements[i];
+        float share = node->area > 0 ? object->elements[e].area / node->area : 0;
+        for (uint32_t c = 0; c < 3; c++)
+            blocker.emission[c] += share * object->element_more[e].emission[c] / CHIARO_PI;
+    }
     float largest = 0;
     for (uint32_t i = 0; i < (blocker.plate ? 1u : 6u); i++) {
         Vec3 way = vec3(i / 2 == 0, i / 2 == 1, i / 2 == 2);
@@ -326,12 +334,12 @@ static float blocker_form(const ChiaroWorldBlocker *blocker, Vec3 point, Vec3 no
 }
 
 /* All of an object: what it leaves open, and what it gives back. Close to where it touches, a receiver sees only that
- * part of it which the gap between the two lights: for a ball on a plane, the light there falls as the root of what is
+ * part of it which the gap between the two lights, unless it shines itself: for a ball on a plane, the light there falls as the root of what is
  * open (measured). */
-static float take_object(float form, Vec3 given, Vec3 *bounce)
+static float take_object(float form, Vec3 given, Vec3 emitted, Vec3 *bounce)
 {
-    float open = 1 - fminf(1, form);
-    *bounce = vec3_mad(*bounce, given, fminf(1, CHIARO_BLOCKER_GAP * sqrtf(open)));
+    float open = 1 - fminf(1, form), gap = fminf(1, CHIARO_BLOCKER_GAP * sqrtf(open));
+    *bounce = vec3_add(*bounce, vec3_add(vec3_scale(given, gap), vec3_scale(emitted, 1 - gap)));
     return open;
 }
 
@@ -340,7 +348,7 @@ float chiaro_blockers_at(const BlockerGrid *grid, Vec3 point, Vec3 normal, Vec3 
     const ChiaroWorldBlockers *view = &grid->view;
     float p[3], open = 1, sum = 0;
     uint32_t cell[3];
-    Vec3 own = {0, 0, 0};
+    Vec3 own = {0, 0, 0}, emitted = own;
     *bounce = own;
     vec3_store(p, point);
     for (uint32_t c = 0; c < 3; c++) {
@@ -354,15 +362,16 @@ float chiaro_blockers_at(const BlockerGrid *grid, Vec3 point, Vec3 normal, Vec3 
         const ChiaroWorldBlocker *blocker = &view->blockers[view->cell_blockers[k]];
         Vec3 radiance;
         if (blocker->object != last) {
-            open *= take_object(sum, own, bounce);
-            sum = 0, own = vec3(0, 0, 0), last = blocker->object;
+            open *= take_object(sum, own, emitted, bounce);
+            sum = 0, own = emitted = vec3(0, 0, 0), last = blocker->object;
         }
         float form = blocker_form(blocker, point, normal, &radiance);
         sum += form;
         if (form > 0)
             own = vec3_mad(own, radiance, CHIARO_PI * form);
+        emitted = vec3_mad(emitted, vec3_load(blocker->emission), CHIARO_PI * form);
     }
-    return open * take_object(sum, own, bounce);
+    return open * take_object(sum, own, emitted, bounce);
 }
 
 void chiaro_world_blockers(const ChiaroWorld *world, ChiaroWorldBlockers *blockers) { *blockers = world->shown.view; }

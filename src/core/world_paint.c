@@ -14,12 +14,17 @@
 
 /* A texel so full is closed: the items of a surface cover it to a few parts in a hundred. */
 static const float CLOSED = 0.93f;
+/* What lies behind the plane of a nearer item in the same direction, by so much of its own size, is hidden: round things
+ * bend away from their plane. */
+static const float BEHIND = 0.25f;
+/* How far out an item counts as there, as a part of its radius. */
+static const float RIM = 0.8f;
 /* In radii of the object's part: nearer neighbours are seen from the hull. */
 static const float NEAR_OBJECT = 4;
 /* Things less visible are left out of the near sum. */
 static const float LEAST_VISIBLE = 0.01f;
 
-enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS };
+enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS, FRONT_EDGE = 16 };
 
 typedef struct Canvas {
     ChiaroWorld *world;
@@ -30,6 +35,7 @@ typedef struct Canvas {
     bool any_near, any_far;
     float full[CHIARO_CUBE_MAX_TEXELS];           /* static cover */
     Vec3 covered[CHIARO_CUBE_MAX_TEXELS];         /* its directions, summed */
+    uint16_t front[6 * FRONT_EDGE * FRONT_EDGE]; /* 1 + the nearest item in a direction; 0: none yet */
     float before_near[CHIARO_CUBE_MAX_TEXELS], before_far[CHIARO_CUBE_MAX_TEXELS]; /* of it, in front of neighbours */
     float near_share[CHIARO_CUBE_MAX_TEXELS];     /* of it, near */
     float radiance[4 * CHIARO_CUBE_MAX_TEXELS];
@@ -143,6 +149,33 @@ static float left_over(const ChiaroCubeTexel *texel, float distance, float share
     return 1;
 }
 
+/* Is there something in front of an item? Texels are too wide to tell: one that sees a floor and the foot of a wall
+ * would take the floor behind the wall as well. */
+static bool is_hidden(const Canvas *canvas, const Item *item)
+{
+    uint32_t number = canvas->front[chiaro_cube_texel(item->direction, FRONT_EDGE)];
+    if (!number)
+        return false;
+    const Item *front = &canvas->world->items[number - 1];
+    return vec3_dot(vec3_sub(item->center, front->center), front->normal) < -BEHIND * sqrtf(item->area);
+}
+
+/* Enters an item where nothing nearer was: at its middle and around it. */
+static void put_in_front(Canvas *canvas, const Item *item)
+{
+    static const float around[7][2] = {{0, 0}, {1, 0}, {0.5f, 0.866f}, {-0.5f, 0.866f},
+                                       {-1, 0}, {-0.5f, -0.866f}, {0.5f, -0.866f}};
+    Vec3 way = vec3_sub(item->center, canvas->center), tangent, bitangent;
+    float radius = RIM * sqrtf(item->area / CHIARO_PI);
+    vec3_frame(item->normal, &tangent, &bitangent);
+    for (uint32_t k = 0; k < 7; k++) {
+        Vec3 at = vec3_mad(vec3_mad(way, tangent, radius * around[k][0]), bitangent, radius * around[k][1]);
+        uint16_t *front = &canvas->front[chiaro_cube_texel(at, FRONT_EDGE)];
+        if (!*front)
+            *front = (uint16_t)(1 + (item - canvas->world->items));
+    }
+}
+
 static void paint_item(Canvas *canvas, Item *item)
 {
     const ChiaroWorld *world = canvas->world;
@@ -199,6 +232,9 @@ static void paint_static(Canvas *canvas)
     for (uint32_t i = 0; i < count && canvas->closed < world->texel_count; i++) {
         Item *item = &world->items[i];
         item->near = item->near && world->near.plate_count < WORLD_MAX_NEAR;
+        if (is_hidden(canvas, item))
+            continue;
+        put_in_front(canvas, item);
         paint_item(canvas, item);
         if (!item->near || !(item->visible > LEAST_VISIBLE))
             continue;
@@ -245,6 +281,7 @@ static void paint_part(Canvas *canvas, uint32_t id, uint32_t part)
     const ChiaroObjectPart *from = &body->object.parts[part];
     float *texels = world->next.texels + 4 * (size_t)(body->first_slot + part) * world->texel_count;
     memset(canvas->full, 0, sizeof canvas->full);
+    memset(canvas->front, 0, sizeof canvas->front);
     memset(canvas->covered, 0, sizeof canvas->covered);
     memset(canvas->before_near, 0, sizeof canvas->before_near);
     memset(canvas->before_far, 0, sizeof canvas->before_far);

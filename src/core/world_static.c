@@ -17,6 +17,9 @@ static const float NEAR = 3, FINEST = 0.2f;
 /* Pieces of near leaves span so much from the nearest skin. */
 static const float NEAR_SPAN = 0.35f;
 
+/* The longest edge of a half square against the edge of a square of its area; what is shorter, in radii, is not cut. */
+static const float TILE_EDGE = 2, LEAST_EDGE = 0.02f;
+
 typedef struct Walk {
     ChiaroWorld *world;
     Vec3 center;
@@ -78,39 +81,33 @@ static float piece_edge(const Walk *walk, float distance)
     return edge;
 }
 
-/* A square: cut in four until the pieces are small enough. */
-static void add_square(Walk *walk, const Item *like, Vec3 center, Vec3 across, Vec3 along, float edge)
+/* A tile: halved until the pieces are small enough. */
+static void add_tile(Walk *walk, const Item *like, const Tile *tile)
 {
-    float distance = vec3_length(vec3_sub(center, walk->center));
-    /* From behind, pieces are neither seen nor cut; a piece reaches half a diagonal beyond its centre. */
-    if (vec3_dot(like->normal, vec3_sub(walk->center, center)) <= 0)
+    Vec3 center = tile_center(tile);
+    Vec3 cross = vec3_cross(vec3_sub(tile->corner[1], tile->corner[0]), vec3_sub(tile->corner[2], tile->corner[0]));
+    float distance = vec3_length(vec3_sub(center, walk->center)), edge = TILE_EDGE * piece_edge(walk, distance);
+    Tile half[2];
+    /* From behind, pieces are neither seen nor cut. */
+    if (vec3_dot(cross, vec3_sub(walk->center, center)) <= 0)
         return;
-    if (edge <= piece_edge(walk, fmaxf(distance, edge / 2)) || walk->full) {
-        add_item(walk, like, center, edge * edge);
-        return;
-    }
     Item piece = *like;
-    piece.part = true;
-    for (uint32_t k = 0; k < 4; k++) {
-        Vec3 corner = vec3_mad(vec3_mad(center, across, k & 1 ? edge / 4 : -edge / 4), along, k & 2 ? edge / 4 : -edge / 4);
-        add_square(walk, &piece, corner, across, along, edge / 2);
+    piece.normal = vec3_normalize(cross);
+    if (walk->full || !tile_split(tile, fmaxf(edge, LEAST_EDGE * walk->radius), half)) {
+        add_item(walk, &piece, center, vec3_length(cross) / 2);
+        return;
     }
+    piece.part = true;
+    add_tile(walk, &piece, &half[0]);
+    add_tile(walk, &piece, &half[1]);
 }
 
-/* A leaf has a shape of its own: its points, each a square, tell it better than one square would. */
 static void add_leaf(Walk *walk, const Item *like)
 {
-    const ChiaroTransport *t = walk->world->desc.transport;
-    const ChiaroSample *sample = &t->samples[t->nodes[like->node].first];
-    for (uint32_t k = sample->first_point; k < sample->first_point + sample->point_count; k++) {
-        const ChiaroPoint *point = &t->points[k];
-        Item piece = *like;
-        Vec3 across, along;
-        piece.normal = vec3_load(point->normal);
-        vec3_frame(piece.normal, &across, &along);
-        add_square(walk, &piece, vec3_mad(vec3_load(point->position), piece.normal, point->cull), across, along,
-                   sqrtf(sample->area * point->weight));
-    }
+    const ChiaroWorld *world = walk->world;
+    uint32_t leaf = world->desc.transport->nodes[like->node].first;
+    for (uint32_t k = world->tile_first[leaf]; k < world->tile_first[leaf + 1]; k++)
+        add_tile(walk, like, &world->tiles[k]);
 }
 
 static void walk_tree(Walk *walk, uint32_t root)
