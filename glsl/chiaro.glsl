@@ -192,7 +192,9 @@ float chiaro_shadow(ChiaroGpuLight light, vec3 point, vec3 normal)
 vec4 chiaro_disc_blocked(ChiaroShadowPlace place, vec2 spread, vec4 stored, vec4 x, vec4 y)
 {
     vec4 plane = place.q + place.gradient.x * x + place.gradient.y * y;
-    vec4 u = x / spread.x, v = y / spread.y, height = 2 * (stored - place.q);
+    /* What is filtered together stays together: a diagonal of texels does not count. */
+    vec4 u = max(abs(x) - 1.5, vec4(0)) / spread.x, v = max(abs(y) - 1.5, vec4(0)) / spread.y;
+    vec4 height = 2 * (stored - place.q);
     return vec4(greaterThan(stored, max(plane, vec4(place.q)) + place.bias)) *
            vec4(lessThanEqual(u * u + v * v, height * height));
 }
