@@ -213,14 +213,15 @@ static Mesh open_room(void)
     return mesh;
 }
 
-/* A black sky with a sun, a disc of so many texels about one, that brings a flux of about so much; and the same as a light.
- * A texel is 0.7 degrees. */
+/* A black sky with a sun, a disc of so many texels about one, that brings a flux of about so much; and the same as a
+ * light. A texel is 0.7 degrees. */
 enum { SKY_WIDTH = 512, SKY_HEIGHT = 256 };
 
 static ChiaroSky sunny_sky(int column, int row, float radius, float flux, ChiaroLight *light)
 {
     float step = CHIARO_PI / SKY_HEIGHT, polar = step * ((float)row + 0.5f), sine = sinf(polar), weight = 0;
-    float azimuth = step * ((float)column + 0.5f) - CHIARO_PI, *radiance = calloc(3 * SKY_WIDTH * SKY_HEIGHT, sizeof(float));
+    float azimuth = step * ((float)column + 0.5f) - CHIARO_PI;
+    float *radiance = calloc(3 * SKY_WIDTH * SKY_HEIGHT, sizeof *radiance);
     *light = sun_light(vec3(-sine * cosf(azimuth), -cosf(polar), -sine * sinf(azimuth)), flux);
     for (int pass = 0; pass < 2; pass++)
         for (int j = row - 6; j <= row + 6; j++)
@@ -496,7 +497,7 @@ static bool is_black(const float *pixels)
     return true;
 }
 
-/* As many lights as there may be, and the sun; it is indirect light, goes with the bounce light, and goes without trace. */
+/* As many lights as there may be, and the sun: indirect light, which goes with the bounce light, and without trace. */
 static void the_sun_of_a_sky_stands_beside_all_other_lights(void **state)
 {
     (void)state;
