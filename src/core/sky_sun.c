@@ -225,8 +225,8 @@ static Spot strongest_spot(const Leaves *leaves)
     return best;
 }
 
-/* The spot that saves most, of any size; larger ones are looked for about the brightest leaf. The sharper one is taken
- * where they are about as good: a sun, not the glow around it. */
+/* The spot that saves most, of any size; larger ones are looked for about the brightest leaf. Where they are about as
+ * good the sharper one is taken, a sun without the glow around it, unless it fills its disc: then it is a piece. */
 static Spot best_spot(const Leaves *leaves)
 {
     Spot best = strongest_spot(leaves);
@@ -236,7 +236,8 @@ static Spot best_spot(const Leaves *leaves)
             brightest = &leaves->moments[t];
     for (int size = 2; size <= LARGEST_SIZE; size *= 2) {
         Spot spot = find_spot(leaves->sky, normalize(*brightest), size * leaf_radius(), 0);
-        if (saving(leaves, &spot) > 1.2 * saving(leaves, &best))
+        bool piece = best.flux > 0 && spot_radius(&best) > 0.9 * best.reach;
+        if (saving(leaves, &spot) > (piece ? 1 : 1.2) * saving(leaves, &best))
             best = spot;
     }
     return best;
