@@ -1,7 +1,9 @@
-/* Chiaro for shaders: lights, their shadows, and the tone curve. Public: a host's own shaders may include it.
+/* Chiaro for shaders: lights, their shadows, environment cubes, and the tone curve. Public: a host's own shaders may
+ * include it.
  *
- * Define CHIARO_LIGHT_SET as the number of the descriptor set of lights before including it to get the lights; without
- * it only arithmetic is declared. Needs GL_GOOGLE_include_directive.
+ * Define CHIARO_LIGHT_SET as the number of the descriptor set of lights before including it to get the lights, and
+ * CHIARO_OBJECT_SET as that of objects to get objects and their cubes; without them only arithmetic is declared. Needs
+ * GL_GOOGLE_include_directive.
  */
 #ifndef CHIARO_GLSL
 #define CHIARO_GLSL
@@ -288,6 +290,219 @@ vec3 chiaro_point_irradiance(vec3 position, float cull, vec3 normal)
             sum += light.intensity.rgb * (form * chiaro_shadow_quick(light, point, normal));
     }
     return sum;
+}
+
+#endif
+
+#ifdef CHIARO_OBJECT_SET
+
+layout(std430, set = CHIARO_OBJECT_SET, binding = 0) readonly buffer ChiaroObjects
+{
+    ChiaroGpuObject chiaro_objects[];
+};
+/* A slot holds two cubes, what was shown before and what was painted last; its scales are their shares, which add up to
+ * what decoded colours are multiplied with. Cubes are plain words, not an image: that takes no optional feature
+ * (imageCubeArray), no limit on layers, no rims of copied texels, and gives the same bits on every device. */
+layout(std430, set = CHIARO_OBJECT_SET, binding = 1) readonly buffer ChiaroScales
+{
+    ChiaroGpuCubes chiaro_cube_info;
+    vec2 chiaro_scales[];
+};
+layout(std430, set = CHIARO_OBJECT_SET, binding = 2) readonly buffer ChiaroCubes
+{
+    uint chiaro_cubes[];
+};
+
+/* Number of the texel that a place on the cube from -1 to 1 lies in. Twin of chiaro_cube_texel in src/core/cube.h. */
+uint chiaro_cube_texel(vec3 p, uint edge)
+{
+    vec3 a = abs(p);
+    bool x = a.x >= a.y && a.x >= a.z, y = !x && a.y >= a.z;
+    uint axis = x ? 0 : y ? 1 : 2, face = 2 * axis + ((x ? p.x : y ? p.y : p.z) > 0 ? 0 : 1);
+    vec2 at = x ? vec2(p.x > 0 ? -p.z : p.z, -p.y) : y ? vec2(p.x, p.y > 0 ? p.z : -p.z) : vec2(p.z > 0 ? p.x : -p.x, -p.y);
+    uvec2 texel = min(uvec2((at * 0.5 + 0.5) * float(edge)), uvec2(edge - 1));
+    return (face * edge + texel.y) * edge + texel.x;
+}
+
+/* Four texels around a direction, and their weights. */
+struct ChiaroCubeTaps {
+    uvec4 texel;
+    vec4 weight;
+};
+
+/* Twin of chiaro_cube_taps in src/core/cubes.h: bilinear, and over the edge of a face lies the next one's texel. */
+ChiaroCubeTaps chiaro_cube_taps(vec3 direction, uint edge)
+{
+    vec3 a = abs(direction);
+    bool x = a.x >= a.y && a.x >= a.z, y = !x && a.y >= a.z;
+    vec3 d = x ? direction : y ? direction.yzx : direction.zxy; /* the axis of the face comes first */
+    vec2 at = (clamp(d.yz / max(abs(d.x), 1e-30), -1, 1) * 0.5 + 0.5) * float(edge) - 0.5, base = floor(at), part = at - base;
+    ChiaroCubeTaps taps;
+    taps.weight = vec4((1 - part.x) * (1 - part.y), part.x * (1 - part.y), (1 - part.x) * part.y, part.x * part.y);
+    uint corner = 4;
+    for (uint k = 0; k < 4; k++) {
+        vec2 centre = (base + vec2(k & 1, k >> 1) + 0.5) * (2 / float(edge)) - 1, over = max(abs(centre) - 1, 0);
+        /* What lies over an edge is folded down onto the next face. */
+        vec3 place = vec3((d.x > 0 ? 1 : -1) * (1 - over.x - over.y), clamp(centre, -1, 1));
+        taps.texel[k] = chiaro_cube_texel(x ? place : y ? place.zxy : place.yzx, edge);
+        if (over.x > 0 && over.y > 0)
+            corner = k;
+    }
+    if (corner < 4) {
+        /* Three texels meet: their mean stands for the fourth. */
+        float share = taps.weight[corner] / 3;
+        taps.weight += share;
+        taps.weight[corner] = 0;
+        taps.texel[corner] = taps.texel[3 - corner];
+    }
+    return taps;
+}
+
+/* A texel of a cube that begins at a word. */
+vec3 chiaro_cube_color(uint first, uint texel)
+{
+    uint format = chiaro_cube_info.shape.y;
+    if (format == CHIARO_GPU_CUBE_HALF)
+        return vec3(unpackHalf2x16(chiaro_cubes[first + 2 * texel]), unpackHalf2x16(chiaro_cubes[first + 2 * texel + 1]).x);
+    uint word = chiaro_cubes[first + texel];
+    if (format == CHIARO_GPU_CUBE_UNORM8)
+        return unpackUnorm4x8(word).rgb;
+    return vec3(word & 511u, word >> 9 & 511u, word >> 18 & 511u) * uintBitsToFloat(((word >> 27) + 103u) << 23);
+}
+
+vec3 chiaro_cube_mix(uint first, ChiaroCubeTaps taps)
+{
+    vec3 sum = vec3(0);
+    for (uint k = 0; k < 4; k++)
+        sum += taps.weight[k] * chiaro_cube_color(first, taps.texel[k]);
+    return sum;
+}
+
+/* Irradiance of a surface that faces a direction of the world, from the cube of a slot: without seams, and going over
+ * from the cube that was shown before. May be a little below zero. */
+vec3 chiaro_cube_irradiance(uint slot, vec3 direction)
+{
+    ChiaroCubeTaps taps = chiaro_cube_taps(direction, chiaro_cube_info.shape.x);
+    uint words = chiaro_cube_info.shape.z, first = 2 * slot * words;
+    vec2 scales = chiaro_scales[slot];
+    vec3 sum = scales.y * chiaro_cube_mix(first + words, taps);
+    if (scales.x > 0)
+        sum += scales.x * chiaro_cube_mix(first, taps);
+    return chiaro_pi * sum;
+}
+
+vec3 chiaro_object_direction(ChiaroGpuObject object, vec3 d)
+{
+    return vec3(dot(object.row0.xyz, d), dot(object.row1.xyz, d), dot(object.row2.xyz, d));
+}
+
+vec3 chiaro_object_point(ChiaroGpuObject object, vec3 p)
+{
+    return chiaro_object_direction(object, p) + vec3(object.row0.w, object.row1.w, object.row2.w);
+}
+
+/* Irradiance of a vertex of an object. Twin of chiaro_object_irradiance. */
+vec3 chiaro_object_irradiance(ChiaroGpuObject object, vec3 cavity, vec3 bent, uvec4 parts, vec4 weights)
+{
+    vec3 direction = chiaro_object_direction(object, bent), sum = vec3(0);
+    for (uint k = 0; k < 4; k++)
+        if (weights[k] > 0)
+            sum += weights[k] * chiaro_cube_irradiance(object.info.x + parts[k], direction);
+    return max(cavity * sum, vec3(0));
+}
+
+/* What stands for an object where it blocks light: ChiaroWorldBlocker. */
+struct ChiaroBlocker {
+    vec4 center;  /* w: reach */
+    vec3 normal;
+    uint plate;
+    vec4 axes[6]; /* radiance, and projected area */
+    uvec4 object;
+};
+layout(std430, set = CHIARO_OBJECT_SET, binding = 3) readonly buffer ChiaroBlockers
+{
+    ChiaroBlocker chiaro_blockers[];
+};
+layout(std430, set = CHIARO_OBJECT_SET, binding = 4) readonly buffer ChiaroCells
+{
+    ChiaroGpuGrid chiaro_grid;
+    uint chiaro_cells[]; /* where the entries of each cell begin, then the entries */
+};
+
+/* Form factor of a sphere. Twin of chiaro_sphere_form. */
+float chiaro_sphere_form(vec3 way, vec3 normal, float radius)
+{
+    float away = length(way), cosine = clamp(dot(normal, way) / max(away, 1e-20), -1, 1);
+    if (away <= radius)
+        return (1 + cosine) / 2;
+    float ratio = radius / away;
+    if (cosine >= ratio)
+        return ratio * ratio * cosine;
+    if (cosine <= -ratio)
+        return 0;
+    /* Across the horizon (Howell's catalogue, B-19). */
+    float sine = sqrt(1 - cosine * cosine), x = sqrt((1 - ratio) * (1 + ratio)) / ratio;
+    float y = clamp(-x * cosine / sine, -1, 1), root = sqrt(1 - y * y);
+    return max(0, (ratio * ratio * (cosine * acos(y) - x * sine * root) + atan(sine * root, x)) / chiaro_pi);
+}
+
+/* Twin of chiaro_plate_form. */
+float chiaro_plate_form(vec3 way, vec3 normal, vec3 facing, float area)
+{
+    float square = dot(way, way), height = dot(normal, way), front = -dot(facing, way), cosine = dot(normal, facing);
+    float rise = sqrt(area / chiaro_pi * max(0, 1 - cosine * cosine));
+    if (front <= 0 || square <= 0 || area <= 0 || height <= -rise)
+        return 0;
+    if (height < rise)
+        height = (height + rise) * (height + rise) / (4 * rise);
+    return min(1, height * front * area / (square * (chiaro_pi * square + area)));
+}
+
+/* Form of a blocker over a receiver, and its radiance toward it. */
+float chiaro_blocker_form(uint number, vec3 point, vec3 normal, out vec3 radiance)
+{
+    vec4 center = chiaro_blockers[number].center;
+    vec3 way = center.xyz - point;
+    float ratio = dot(way, way) / (center.w * center.w), window = 1 - ratio * ratio;
+    radiance = vec3(0);
+    if (window <= 0)
+        return 0;
+    if (chiaro_blockers[number].plate != 0) {
+        vec4 face = chiaro_blockers[number].axes[0];
+        radiance = face.rgb;
+        return window * chiaro_plate_form(way, normal, chiaro_blockers[number].normal, face.w);
+    }
+    vec3 w = -normalize(way);
+    vec4 seen = w.x * w.x * chiaro_blockers[number].axes[w.x < 0 ? 1 : 0] +
+                w.y * w.y * chiaro_blockers[number].axes[w.y < 0 ? 3 : 2] +
+                w.z * w.z * chiaro_blockers[number].axes[w.z < 0 ? 5 : 4];
+    radiance = seen.rgb;
+    return window * chiaro_sphere_form(way, normal, sqrt(seen.w / chiaro_pi));
+}
+
+/* What objects do to a point of a static surface: irradiance' = open * irradiance + bounce. Twin of chiaro_world_blocked. */
+float chiaro_blocked(vec3 point, vec3 normal, out vec3 bounce)
+{
+    vec3 place = (point - chiaro_grid.low.xyz) * chiaro_grid.low.w;
+    bounce = vec3(0);
+    if (any(lessThan(place, vec3(0))) || any(greaterThanEqual(place, vec3(chiaro_grid.count.xyz))))
+        return 1;
+    uvec3 cell = uvec3(place);
+    uint number = cell.x + chiaro_grid.count.x * (cell.y + chiaro_grid.count.y * cell.z), last = ~0u;
+    float open = 1, sum = 0;
+    for (uint k = chiaro_cells[number]; k < chiaro_cells[number + 1]; k++) {
+        uint blocker = chiaro_cells[chiaro_grid.count.w + k], object = chiaro_blockers[blocker].object.x;
+        if (object != last) {
+            open *= 1 - min(1, sum);
+            sum = 0;
+            last = object;
+        }
+        vec3 radiance;
+        float form = chiaro_blocker_form(blocker, point, normal, radiance);
+        sum += form;
+        bounce += radiance * (chiaro_pi * form);
+    }
+    return open * (1 - min(1, sum));
 }
 
 #endif

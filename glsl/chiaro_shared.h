@@ -70,6 +70,33 @@ CHIARO_STRUCT(ChiaroGpuLight)
     CHIARO_UVEC4(info);     /* type; 1: six faces, 0: one view; first layer; unused */
 };
 
+/* How cubes of objects are stored: the values of ChiaroCubeFormat. */
+#define CHIARO_GPU_CUBE_UNORM8 0u
+#define CHIARO_GPU_CUBE_HALF 1u
+#define CHIARO_GPU_CUBE_SHARED 2u
+
+/* A placed object. */
+CHIARO_STRUCT(ChiaroGpuObject)
+{
+    CHIARO_VEC4(row0); /* of the matrix from its own space to the world */
+    CHIARO_VEC4(row1);
+    CHIARO_VEC4(row2);
+    CHIARO_UVEC4(info); /* slot of its first cube; unused */
+};
+
+/* What all cubes share. */
+CHIARO_STRUCT(ChiaroGpuCubes)
+{
+    CHIARO_UVEC4(shape); /* edge, format, words a cube; unused */
+};
+
+/* The grid of blockers (ChiaroWorldBlockers). */
+CHIARO_STRUCT(ChiaroGpuGrid)
+{
+    CHIARO_VEC4(low);    /* w: 1 / edge of a cell */
+    CHIARO_UVEC4(count); /* cells along each axis; where in the array the numbers of blockers begin */
+};
+
 /* Push constants of the forward pass: the view, then what changes from part to part. */
 CHIARO_STRUCT(ChiaroForwardPush)
 {

@@ -1,7 +1,10 @@
-/* Pixel half of the forward pass: radiance of a diffuse surface. Compiled four times: with or without lights
- * (CHIARO_LIT), with or without textures (CHIARO_TEXTURED). */
+/* Pixel half of the forward pass: radiance of a diffuse surface. Compiled eight times: with or without lights (CHIARO_LIT),
+ * with or without textures (CHIARO_TEXTURED), and for what objects stand near (CHIARO_BLOCKED). */
 #ifdef CHIARO_LIT
 #define CHIARO_LIGHT_SET 0
+#endif
+#ifdef CHIARO_BLOCKED
+#define CHIARO_OBJECT_SET 3
 #endif
 #include "chiaro.glsl"
 
@@ -51,8 +54,15 @@ void main()
     if (sky_sun)
         received += chiaro_sky_sun_irradiance(point, normal, geometric);
 #endif
-    if (component != CHIARO_GPU_PUNCTUAL)
-        received += max(v_irradiance, vec3(0));
+    if (component != CHIARO_GPU_PUNCTUAL) {
+        vec3 ambient = max(v_irradiance, vec3(0));
+#ifdef CHIARO_BLOCKED
+        vec3 bounce;
+        ambient *= chiaro_blocked(push.eye.xyz + v_offset, normalize(v_normal), bounce);
+        ambient += bounce;
+#endif
+        received += ambient;
+    }
     vec3 radiance = albedo.rgb * received / chiaro_pi;
     if (component == CHIARO_GPU_FULL)
         radiance += emission;

@@ -528,7 +528,7 @@ static void a_flipped_bit_anywhere_is_found(void **state)
     ChiaroBlob blob = make_block(true);
     unsigned char *bytes = blob.data;
     assert_int_equal(open_copy(bytes, blob.size), CHIARO_OK);
-    size_t header = sizeof(ChiaroFileHeader), version = offsetof(ChiaroFileHeader, version);
+    size_t header = sizeof(ChiaroFileHeader), version = offsetof(ChiaroFileStart, version);
     for (size_t k = 0; k < 8 * header; k++) {
         bytes[k / 8] ^= (unsigned char)(1 << k % 8);
         ChiaroResult wanted = k / 8 >= version && k / 8 < version + 8 ? CHIARO_ERROR_VERSION : CHIARO_ERROR_DATA;
@@ -588,7 +588,7 @@ static void hear(ChiaroLogLevel level, ChiaroLogItem item, const char *message, 
 static void seal(ChiaroBlob *blob)
 {
     ChiaroFileHeader *header = blob->data;
-    header->checksum = chiaro_file_checksum(blob->data, blob->size);
+    header->start.checksum = chiaro_file_checksum(blob->data, blob->size);
 }
 
 static void another_version_is_named_as_such(void **state)

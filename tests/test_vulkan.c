@@ -17,171 +17,7 @@
 #include "chiaro/chiaro_bake.h"
 #include "common/made_transport.h"
 #include "common/mesh.h"
-
-enum { SIZE = 256, FEATURES = 32 };
-
-/* A host, a context and what they draw. */
-typedef struct Stage {
-    Host host;
-    const ChiaroVulkanApi *api;
-    ChiaroVulkan *chiaro;
-    ChiaroVulkanDraw draw;
-    ChiaroTransport transport;
-} Stage;
-
-static void must(const Stage *stage, bool good)
-{
-    if (!good)
-        fail_msg("%s", stage->host.error);
-}
-
-static void print_log(ChiaroLogLevel level, ChiaroLogItem item, const char *message, void *user)
-{
-    (void)level;
-    (void)item;
-    (void)user;
-    fprintf(stderr, "%s\n", message);
-}
-
-static Stage open_stage(HostDesc desc)
-{
-    Stage stage = {.draw = {.struct_size = sizeof(ChiaroVulkanDraw)}};
-    desc.validate = true;
-    must(&stage, host_create(&stage.host, &desc));
-    must(&stage, host_target_create(&stage.host, SIZE, SIZE));
-    stage.api = chiaro_vulkan_get_api(CHIARO_VULKAN_API_VERSION);
-    return stage;
-}
-
-static void create_context(Stage *stage, const ChiaroAllocator *allocator)
-{
-    ChiaroVulkanDesc desc = host_chiaro_desc(&stage->host);
-    desc.log.func = print_log;
-    if (allocator)
-        desc.allocator = *allocator;
-    assert_int_equal(stage->api->create(&desc, &stage->chiaro), CHIARO_OK);
-    stage->draw.viewport = (VkViewport){0, 0, SIZE, SIZE, 0, 1};
-    stage->draw.scissor = (VkRect2D){{0, 0}, {SIZE, SIZE}};
-}
-
-static void close_stage(Stage *stage)
-{
-    stage->api->destroy(stage->chiaro);
-    host_destroy(&stage->host);
-    made_transport_free(&stage->transport);
-    if (stage->host.validation_messages > 0)
-        fail_msg("%u validation messages, the first: %s", stage->host.validation_messages,
-                 stage->host.validation_first);
-}
-
-static void load_transport(Stage *stage, const ChiaroTransport *transport)
-{
-    must(stage, host_begin(&stage->host));
-    ChiaroVulkanLoad info = {.struct_size = sizeof info,
-                             .transport = transport,
-                             .command_buffer = stage->host.commands,
-                             .frame = stage->host.frame};
-    assert_int_equal(stage->api->scene_load(stage->chiaro, &info), CHIARO_OK);
-    must(stage, host_submit(&stage->host));
-}
-
-static void load(Stage *stage, const ChiaroScene *scene, const MadeTransportDesc *desc)
-{
-    stage->transport = made_transport(scene, desc);
-    load_transport(stage, &stage->transport);
-}
-
-static void update(Stage *stage)
-{
-    ChiaroVulkanUpdate info = {.struct_size = sizeof info,
-                               .command_buffer = stage->host.commands,
-                               .frame = stage->host.frame,
-                               .completed_frame = stage->host.frame - 1};
-    assert_int_equal(stage->api->update(stage->chiaro, &info), CHIARO_OK);
-}
-
-/* A whole frame; the picture is the host's. */
-static const float *render(Stage *stage)
-{
-    must(stage, host_begin(&stage->host));
-    update(stage);
-    host_begin_pass(&stage->host);
-    stage->draw.command_buffer = stage->host.commands;
-    assert_int_equal(stage->api->draw(stage->chiaro, &stage->draw), CHIARO_OK);
-    host_end_pass(&stage->host);
-    host_read_target(&stage->host);
-    must(stage, host_submit(&stage->host));
-    return host_pixels(&stage->host);
-}
-
-static void set_camera(Stage *stage, Vec3 eye, Vec3 forward, Vec3 up, float yfov)
-{
-    ChiaroCamera camera = {.yfov = yfov, .znear = 0.01f};
-    vec3_store(camera.eye, eye);
-    vec3_store(camera.forward, forward);
-    vec3_store(camera.up, up);
-    host_camera(&camera, SIZE, SIZE, stage->host.reversed_z, stage->draw.view, stage->draw.projection);
-}
-
-static void set_component(Stage *stage, ChiaroComponent component, bool gi_off)
-{
-    ChiaroVulkanSettings settings = {.struct_size = sizeof settings, .component = component, .gi_off = gi_off};
-    assert_int_equal(stage->api->settings_set(stage->chiaro, &settings), CHIARO_OK);
-}
-
-static ChiaroLight point_light(Vec3 position, float intensity)
-{
-    ChiaroLight light = {.type = CHIARO_LIGHT_POINT, .intensity = {intensity, intensity / 2, intensity / 4}};
-    vec3_store(light.position, position);
-    return light;
-}
-
-static ChiaroLight spot_light(Vec3 position, Vec3 target, float intensity)
-{
-    ChiaroLight light = point_light(position, intensity);
-    light.type = CHIARO_LIGHT_SPOT;
-    light.cos_inner = 0.9f;
-    light.cos_outer = 0.7f;
-    vec3_store(light.direction, vec3_normalize(vec3_sub(target, position)));
-    return light;
-}
-
-static ChiaroLight sun_light(Vec3 direction, float intensity)
-{
-    ChiaroLight light = point_light(vec3(0, 0, 0), intensity);
-    light.type = CHIARO_LIGHT_SUN;
-    vec3_store(light.direction, vec3_normalize(direction));
-    return light;
-}
-
-static bool used(const Stage *stage, const char *name, char reason[CHIARO_REASON_SIZE])
-{
-    ChiaroVulkanFeature features[FEATURES];
-    uint32_t count = FEATURES;
-    stage->api->describe(stage->chiaro, features, &count);
-    assert_true(count <= FEATURES);
-    for (uint32_t i = 0; i < count; i++) {
-        if (strcmp(features[i].name, name) == 0) {
-            snprintf(reason, CHIARO_REASON_SIZE, "%s", features[i].reason);
-            return features[i].used;
-        }
-    }
-    fail_msg("no feature is called '%s'", name);
-    return false;
-}
-
-static void assert_left_out(const Stage *stage, const char *name, const char *why)
-{
-    char reason[CHIARO_REASON_SIZE];
-    assert_false(used(stage, name, reason));
-    assert_string_equal(reason, why);
-}
-
-static void assert_used(const Stage *stage, const char *name)
-{
-    char reason[CHIARO_REASON_SIZE];
-    assert_true(used(stage, name, reason));
-}
+#include "common/stage.h"
 
 /* ---- arithmetic --------------------------------------------------------------------------------------------------- */
 
@@ -199,18 +35,6 @@ static void assert_values(const char *what, const float *gpu, const float *cpu, 
     printf("  %-24s %6u values, worst error %.1e of the largest\n", what, count, largest > 0 ? worst / largest : worst);
     assert_true(largest > 0);
     assert_true(worst <= tolerance * largest);
-}
-
-static Mesh open_room(void)
-{
-    Mesh mesh = mesh_begin();
-    mesh_material(&mesh, 0.7f, 0);
-    Vec3 h = {2, 1.5f, 2.5f};
-    mesh_quad(&mesh, vec3(-h.x, 0, h.z), vec3(h.x, 0, h.z), vec3(h.x, 0, -h.z), vec3(-h.x, 0, -h.z));
-    mesh_quad(&mesh, vec3(-h.x, 0, -h.z), vec3(h.x, 0, -h.z), vec3(h.x, h.y, -h.z), vec3(-h.x, h.y, -h.z));
-    mesh_material(&mesh, 0.4f, 1.5f);
-    mesh_quad(&mesh, vec3(-h.x, 0, h.z), vec3(-h.x, 0, -h.z), vec3(-h.x, h.y, -h.z), vec3(-h.x, h.y, h.z));
-    return mesh;
 }
 
 /* A black sky with a sun, a disc of so many texels about one, that brings a flux of about so much; and the same as a
@@ -820,27 +644,6 @@ static void another_version_is_refused(void **state)
 }
 
 /* ---- memory ------------------------------------------------------------------------------------------------------- */
-
-typedef struct Counter {
-    uint32_t made, alive, fail_at;
-} Counter;
-
-static void *count_alloc(size_t size, void *user)
-{
-    Counter *counter = user;
-    if (++counter->made == counter->fail_at)
-        return NULL;
-    void *memory = malloc(size);
-    counter->alive += memory != NULL;
-    return memory;
-}
-
-static void count_free(void *memory, void *user)
-{
-    Counter *counter = user;
-    counter->alive -= memory != NULL;
-    free(memory);
-}
 
 /* Runs everything once with the n-th allocation failing; true if none failed. */
 static bool run_with_failure(Stage *stage, const ChiaroScene *scene, uint32_t fail_at)

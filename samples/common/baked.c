@@ -116,27 +116,28 @@ static void bake(const SceneOptions *options, const ChiaroBakeDesc *settings, co
 void baked_open(const SceneOptions *options, const ChiaroBakeDesc *desc, BakedScene *scene)
 {
     ChiaroIoError error;
-    ChiaroIoScene read;
     ChiaroLog log = {print_message, (void *)(uintptr_t)options};
     char path[PATH_SIZE];
     size_t length = strlen(options->input);
     *scene = (BakedScene){0};
     if (length > 7 && strcmp(options->input + length - 7, ".chiaro") == 0) {
+        if (options->dynamic_count > 0)
+            options_fail(options, CHIARO_EXIT_USAGE, "--dynamic is for a glTF: a baked file holds no nodes");
         if (!chiaro_io_map(options->input, &scene->file, &error))
             options_fail(options, CHIARO_EXIT_INPUT, "%s", error.message);
         if (chiaro_transport_open(scene->file.data, scene->file.size, &scene->transport, &log) != CHIARO_OK)
             exit(CHIARO_EXIT_INPUT); /* the log has said why */
         return;
     }
-    if (!chiaro_io_read_gltf(options->input, &read, &error))
+    const ChiaroScene *still = &scene->read.scene;
+    if (!chiaro_io_read_gltf_dynamic(options->input, options->dynamic, options->dynamic_count, &scene->read, &error))
         options_fail(options, CHIARO_EXIT_INPUT, "%s", error.message);
-    bool cache = cache_path(hash_bake(&read.scene, desc), path);
+    bool cache = cache_path(hash_bake(still, desc), path);
     if (!cache || !open_cached(path, scene)) {
-        bake(options, desc, &read.scene, scene);
+        bake(options, desc, still, scene);
         if (cache && !chiaro_io_write_file(path, scene->blob.data, scene->blob.size, &error) && !options->quiet)
             fprintf(stderr, "%s: %s\n", options->program, error.message);
     }
-    chiaro_io_free_scene(&read);
 }
 
 void baked_close(BakedScene *scene)
@@ -144,5 +145,6 @@ void baked_close(BakedScene *scene)
     if (scene->file.data)
         chiaro_io_unmap(&scene->file);
     chiaro_blob_free(&scene->blob);
+    chiaro_io_free_scene(&scene->read);
     *scene = (BakedScene){0};
 }

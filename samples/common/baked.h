@@ -10,6 +10,7 @@ typedef struct BakedScene {
     ChiaroTransport transport;
     ChiaroIoFile file; /* either this is mapped ... */
     ChiaroBlob blob;   /* ... or this was just baked */
+    ChiaroIoScene read; /* the glTF, if it was one: its objects */
     double seconds;    /* that baking took; 0: it was there already */
 } BakedScene;
 

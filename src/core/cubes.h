@@ -77,6 +77,14 @@ static inline ChiaroCubeTaps chiaro_cube_taps(const ChiaroCubeKernel *kernel, Ve
     return taps;
 }
 
+/* How a background changes within a texel: by slope[channel] . (direction - mean), in the least-squares sense. */
+typedef struct ChiaroCubeSlope {
+    float mean[3]; /* direction, not normalised */
+    float slope[3][3];
+} ChiaroCubeSlope;
+
+void chiaro_cube_sky_slope(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, ChiaroCubeSlope *slopes);
+
 /* The matrix that smoothing multiplies with, row by row, texel_count squared doubles: for tests. */
 void chiaro_cube_kernel_matrix(const ChiaroCubeKernel *kernel, double *matrix);
 

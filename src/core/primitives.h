@@ -2,6 +2,7 @@
 #ifndef CHIARO_PRIMITIVES_INTERNAL_H
 #define CHIARO_PRIMITIVES_INTERNAL_H
 
+#include "chiaro/chiaro_primitives.h"
 #include "vec.h"
 
 /* A mean normal as long as that is a plate's: the rest is rounding. */
@@ -25,5 +26,8 @@ static inline float chiaro_cone_facing(float x, float sine)
 {
     return x >= sine ? fmaxf(0, x) : x > -sine ? (x + sine) * (x + sine) / (4 * sine) : 0;
 }
+
+/* Finite, of unit normal, with an albedo in range. */
+bool chiaro_element_sound(const ChiaroElement *element);
 
 #endif
