@@ -211,9 +211,9 @@ float chiaro_disc_shadow(ChiaroGpuLight light, vec3 point, vec3 normal)
     ChiaroShadowPlace place = chiaro_shadow_place(light, point, normal);
     vec2 spread = light.cone.x * light.shadow.y / (2 * light.shadow.x) / vec2(light.right.w, light.up.w);
     vec2 way = vec2(1, 0);
-    float height = 0, count = 0;
-    for (int i = 0; i < looks; i++, way = turn * way) {
-        vec2 at = floor(place.part + way * spread * ((1 - place.q) * exp2(-0.1875 * float(i))) + 0.5);
+    float height = 0, count = 0, scale = 1 - place.q, least = 0.7 / max(spread.x, spread.y);
+    for (int i = 0; i < looks && scale > least; i++, way = turn * way, scale *= 0.878) {
+        vec2 at = floor(place.part + way * spread * scale + 0.5);
         vec3 texel = vec3((place.base + at + 0.5) / light.shadow.y, place.layer);
         float stored = textureLod(chiaro_wide_shadows, texel, 0).r;
         at -= place.part;
