@@ -194,23 +194,28 @@ float chiaro_shadow(ChiaroGpuLight light, vec3 point, vec3 normal)
 vec4 chiaro_disc_blocked(ChiaroShadowPlace place, vec2 spread, vec4 stored, vec4 x, vec4 y)
 {
     vec4 plane = place.q + place.gradient.x * x + place.gradient.y * y;
-    vec4 u = x / spread.x, v = y / spread.y, height = 2 * (stored - place.q);
+    /* A tap is as wide as its texels: their diagonal does not count. */
+    vec4 u = max(abs(x) - 1.5, vec4(0)) / spread.x, v = max(abs(y) - 1.5, vec4(0)) / spread.y;
+    vec4 height = 2 * (stored - place.q);
     return vec4(greaterThan(stored, max(plane, vec4(place.q)) + place.bias)) *
            vec4(lessThanEqual(u * u + v * v, height * height));
 }
 
 /* Share of the disc of a sun that is not blocked. A first look, at all scales about the place, finds the mean height of
- * what blocks; then follows the mean over the disc as wide as it is at that height. */
+ * what blocks; then follows the mean over the disc as wide as it is at that height (R. Fernando, "Percentage-Closer Soft
+ * Shadows", 2005). */
 float chiaro_disc_shadow(ChiaroGpuLight light, vec3 point, vec3 normal)
 {
-    const int looks = 16, taps = 32, rim = 6;
+    const int looks = 32, taps = 32, rim = 6;
     const mat2 turn = mat2(-0.737369, 0.675490, -0.675490, -0.737369); /* by the golden angle */
     ChiaroShadowPlace place = chiaro_shadow_place(light, point, normal);
-    vec2 spread = light.cone.x * light.shadow.y / (2 * light.shadow.x) / vec2(light.right.w, light.up.w), way = vec2(1, 0);
-    float height = 0, count = 0;
-    for (int i = 0; i < looks; i++, way = turn * way) {
-        vec2 at = floor(place.part + way * spread * ((1 - place.q) * exp2(-0.375 * float(i))) + 0.5);
-        float stored = textureLod(chiaro_wide_shadows, vec3((place.base + at + 0.5) / light.shadow.y, place.layer), 0).r;
+    vec2 spread = light.cone.x * light.shadow.y / (2 * light.shadow.x) / vec2(light.right.w, light.up.w);
+    vec2 way = vec2(1, 0);
+    float height = 0, count = 0, scale = 1 - place.q, least = 0.7 / max(spread.x, spread.y);
+    for (int i = 0; i < looks && scale > least; i++, way = turn * way, scale *= 0.878) {
+        vec2 at = floor(place.part + way * spread * scale + 0.5);
+        vec3 texel = vec3((place.base + at + 0.5) / light.shadow.y, place.layer);
+        float stored = textureLod(chiaro_wide_shadows, texel, 0).r;
         at -= place.part;
         float blocked = chiaro_disc_blocked(place, spread, vec4(stored), vec4(at.x), vec4(at.y)).x;
         height += blocked * (stored - place.q);
@@ -225,8 +230,9 @@ float chiaro_disc_shadow(ChiaroGpuLight light, vec3 point, vec3 normal)
         vec4 x = vec4(0, 1, 1, 0) + (base.x - place.part.x), y = vec4(1, 1, 0, 0) + (base.y - place.part.y);
         vec4 stored = chiaro_shadow_gather(light, place.base + base + 1, place.layer);
         vec4 blocked = chiaro_disc_blocked(place, spread, stored, x, y);
-        vec2 upper = mix(blocked.wx, blocked.zy, at.x - base.x);
-        lit += 1 - mix(upper.x, upper.y, at.y - base.y);
+        ChiaroShadowPlace tap = place;
+        tap.part = at - base;
+        lit += chiaro_shadow_mix(tap, blocked);
         if (i == taps - rim + 1 && lit == 0)
             return 0; /* the rim is dark, and so is what it encloses */
     }
@@ -254,7 +260,7 @@ vec3 chiaro_punctual_irradiance(vec3 point, vec3 normal, vec3 geometric)
     return sum;
 }
 
-/* The same, from the sun of the sky, which counts as indirect light; only where chiaro_light_count.y says that it shines. */
+/* The same, from the sun of the sky, which counts as indirect light. Only where chiaro_light_count.y counts it. */
 vec3 chiaro_sky_sun_irradiance(vec3 point, vec3 normal, vec3 geometric)
 {
     ChiaroGpuLight sun = chiaro_lights[chiaro_light_count.x];

@@ -210,12 +210,13 @@ CHIARO_API ChiaroResult chiaro_sky_check(const ChiaroSky *sky);
  * @param rgb receives three floats. @thread_safety any thread. */
 CHIARO_API void chiaro_sky_radiance(const ChiaroSky *sky, const float direction[3], float rgb[3]);
 
-/** Takes the sun out of a sky: what is compact and stands above its surroundings, if it gives a surface that faces it a
- * notable share of its light. Sky leaves (chiaro_sky_light) are too wide to show its edges; a light of its own does.
- * Nothing is lost: sun and rest together are the sky. An overcast sky has no sun, nor has an image too coarse for one;
- * of several the strongest is taken.
- * @param sun receives a CHIARO_LIGHT_SUN. @param radius receives its angular radius in radians, below that of a leaf.
- * Both untouched if there is none.
+/** Takes the sun out of a sky: a spot of at most some 12 degrees about its centre that stands above its surroundings and
+ * gives a surface that faces it a notable share of its light: 2 %, and more the wider it is. Sky leaves
+ * (chiaro_sky_light) and links show no edges so sharp; a light of its own does.
+ * Nothing is lost: sun and rest together are the sky. An overcast sky has no sun; of several the strongest is taken.
+ * @param sky must have passed chiaro_sky_check().
+ * @param sun receives a CHIARO_LIGHT_SUN. @param radius receives its angular radius in radians: of an even disc that is
+ * spread alike. Both untouched if there is none.
  * @param rest receives width * height * 3 floats, all of the sky if there is no sun; may be the sky's own image, or NULL.
  * @return true if there is a sun. @thread_safety any thread. */
 CHIARO_API bool chiaro_sky_split(const ChiaroSky *sky, ChiaroLight *sun, float *radius, float *rest);

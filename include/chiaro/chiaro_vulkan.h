@@ -217,7 +217,9 @@ typedef struct ChiaroVulkanApi {
      * @thread_safety one thread per context. */
     ChiaroResult (*lights_set)(ChiaroVulkan *context, const ChiaroLight *lights, uint32_t count);
 
-    /** Sets the sky. May allocate. @param sky NULL: none; copied. On failure there is no sky.
+    /** Sets the sky. May allocate. Its sun (chiaro_sky_split) shines as one more light with a shadow map, beside
+     * CHIARO_MAX_LIGHTS, where bounce light is on; it counts as indirect light, as all light of the sky does.
+     * @param sky NULL: none; copied. On failure there is no sky.
      * @errors CHIARO_ERROR_ARGUMENT, _MEMORY, _DEVICE, _UNSUPPORTED. @thread_safety one thread per context. */
     ChiaroResult (*sky_set)(ChiaroVulkan *context, const ChiaroSky *sky);
 

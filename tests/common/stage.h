@@ -67,16 +67,21 @@ static inline void close_stage(Stage *stage)
                  stage->host.validation_first);
 }
 
-static inline void load(Stage *stage, const ChiaroScene *scene, const MadeTransportDesc *desc)
+static inline void load_transport(Stage *stage, const ChiaroTransport *transport)
 {
-    stage->transport = made_transport(scene, desc);
     must(stage, host_begin(&stage->host));
     ChiaroVulkanLoad info = {.struct_size = sizeof info,
-                             .transport = &stage->transport,
+                             .transport = transport,
                              .command_buffer = stage->host.commands,
                              .frame = stage->host.frame};
     assert_int_equal(stage->api->scene_load(stage->chiaro, &info), CHIARO_OK);
     must(stage, host_submit(&stage->host));
+}
+
+static inline void load(Stage *stage, const ChiaroScene *scene, const MadeTransportDesc *desc)
+{
+    stage->transport = made_transport(scene, desc);
+    load_transport(stage, &stage->transport);
 }
 
 static inline void update(Stage *stage)
