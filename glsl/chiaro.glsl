@@ -417,7 +417,8 @@ struct ChiaroBlocker {
     vec3 normal;
     uint plate;
     vec4 axes[6]; /* radiance, and projected area */
-    uvec4 object;
+    vec3 emission;
+    uint object;
 };
 layout(std430, set = CHIARO_OBJECT_SET, binding = 3) readonly buffer ChiaroBlockers
 {
@@ -426,9 +427,9 @@ layout(std430, set = CHIARO_OBJECT_SET, binding = 3) readonly buffer ChiaroBlock
 layout(std430, set = CHIARO_OBJECT_SET, binding = 4) readonly buffer ChiaroCells
 {
     ChiaroGpuGrid chiaro_grid;
-    /* Two words a cell: where its objects begin that are a single ball, and where the entries of the others do; at the end
-     * where all end; then the entries, which are blockers. The many balls have a loop of their own, because processors
-     * that run several pixels in step go through both sides of a branch. */
+    /* Two words a cell: where its objects begin that are a single ball which does not shine itself, and where the entries
+     * of the others do; at the end where all end; then the entries, which are blockers. Such balls have a loop of their
+     * own, because processors that run several pixels in step go through both sides of a branch. */
     uint chiaro_cells[];
 };
 
@@ -500,11 +501,11 @@ float chiaro_blocker_form(uint number, vec3 way, vec3 normal, out vec3 radiance)
     return chiaro_rectangle_form(way, normal, chiaro_blockers[number].axes[1].xyz, chiaro_blockers[number].axes[2].xyz);
 }
 
-/* All of an object: what it leaves open, and what it gives back. */
-float chiaro_take_object(float form, vec3 given, inout vec3 bounce)
+/* All of an object: what it leaves open, and what it gives back: of what it passes on, the part that the gap lights. */
+float chiaro_take_object(float form, vec3 given, vec3 emitted, inout vec3 bounce)
 {
     float left = 1 - min(1, form);
-    bounce += given * (chiaro_pi * min(1, CHIARO_GAP * sqrt(left)));
+    bounce += chiaro_pi * mix(emitted, given, min(1, CHIARO_GAP * sqrt(left)));
     return left;
 }
 
@@ -519,21 +520,21 @@ float chiaro_blocked(vec3 point, vec3 normal, out vec3 bounce)
     uint number = 2 * (cell.x + chiaro_grid.count.x * (cell.y + chiaro_grid.count.y * cell.z)), last = ~0u;
     uint balls = chiaro_cells[number], others = chiaro_cells[number + 1], end = chiaro_cells[number + 2];
     float open = 1, sum = 0;
-    vec3 given = vec3(0), radiance;
+    vec3 given = vec3(0), emitted = vec3(0), radiance;
     for (uint k = balls; k < others; k++) {
         uint blocker = chiaro_cells[chiaro_grid.count.w + k];
         vec4 center = chiaro_blockers[blocker].center;
         vec3 way = center.xyz - point;
         float form = chiaro_blocker_window(way, center.w) * chiaro_ball_form(blocker, way, normal, radiance);
-        open *= chiaro_take_object(form, form * radiance, bounce);
+        open *= chiaro_take_object(form, form * radiance, vec3(0), bounce);
     }
     for (uint k = others; k < end; k++) {
-        uint blocker = chiaro_cells[chiaro_grid.count.w + k], object = chiaro_blockers[blocker].object.x;
+        uint blocker = chiaro_cells[chiaro_grid.count.w + k], object = chiaro_blockers[blocker].object;
         if (object != last)
-            open *= chiaro_take_object(sum, given, bounce);
+            open *= chiaro_take_object(sum, given, emitted, bounce);
         if (object != last) {
             sum = 0;
-            given = vec3(0);
+            given = emitted = vec3(0);
             last = object;
         }
         vec4 center = chiaro_blockers[blocker].center;
@@ -541,8 +542,9 @@ float chiaro_blocked(vec3 point, vec3 normal, out vec3 bounce)
         float form = chiaro_blocker_window(way, center.w) * chiaro_blocker_form(blocker, way, normal, radiance);
         sum += form;
         given += form * radiance;
+        emitted += form * chiaro_blockers[blocker].emission;
     }
-    return open * chiaro_take_object(sum, given, bounce);
+    return open * chiaro_take_object(sum, given, emitted, bounce);
 }
 
 #endif

@@ -464,7 +464,12 @@ static void fade_cubes(ChiaroVulkan *context, VkCommandBuffer commands)
 
 /* ---- back onto the static world ----------------------------------------------------------------------------------- */
 
-/* Entries of a cell as the shader wants them (ChiaroCells): objects that are one ball, then the others. */
+static bool is_plain_ball(const ChiaroWorldBlocker *b)
+{
+    return !b->plate && b->emission[0] == 0 && b->emission[1] == 0 && b->emission[2] == 0;
+}
+
+/* Entries of a cell as the shader wants them (ChiaroCells): objects that are one plain ball, then the others. */
 static void sort_cells(const ChiaroWorldBlockers *b, uint32_t *words)
 {
     uint32_t *entries = words + 2 * (size_t)b->cell_count + 1, written = 0;
@@ -476,7 +481,7 @@ static void sort_cells(const ChiaroWorldBlockers *b, uint32_t *words)
                 const ChiaroWorldBlocker *blocker = &b->blockers[b->cell_blockers[k]];
                 for (next = k + 1; next < end && b->blockers[b->cell_blockers[next]].object == blocker->object;)
                     next++;
-                if ((next == k + 1 && !blocker->plate) == !others) {
+                if ((next == k + 1 && is_plain_ball(blocker)) == !others) {
                     memcpy(entries + written, b->cell_blockers + k, (next - k) * sizeof *entries);
                     written += next - k;
                 }
