@@ -31,7 +31,8 @@ typedef struct Moving {
     ChiaroRays **own;  /* ... and of each object, in its own space */
     MovingPose *poses; /* where each of them is */
     MovingDesc desc;
-    double seconds;   /* that baking took */
+    float part_size; /* of a bake */
+    double seconds;  /* that baking took */
 } Moving;
 
 /* Bakes and places them at a moment; without objects it does nothing. Exits with one line if the input is bad. `transport`
