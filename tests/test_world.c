@@ -439,7 +439,7 @@ static void no_light_comes_through_a_wall(void **state)
             for (uint32_t v = 0; v < ball.object.vertex_count; v++) {
                 float irradiance[3];
                 assert_int_equal(chiaro_object_irradiance(world, id, v, irradiance), CHIARO_OK);
-                assert_below("irradiance behind the wall, of 2 pi before it", k, irradiance[0], 0.0005 * 2 * pi);
+                assert_below("irradiance behind the wall, of 2 pi before it", k, irradiance[0], 0.001 * 2 * pi);
             }
             chiaro_world_destroy(world);
         }

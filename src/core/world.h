@@ -192,9 +192,8 @@ Vec3 chiaro_world_direct(const ChiaroWorld *world, Vec3 point, Vec3 normal);
 
 /* --- world_near.c --- */
 void chiaro_near_add(Near *near, const NearThing *thing);
-/* Adds what comes from near things to a smoothed texel, whose fourth number is how much of what it sees is far, and
- * normalises the row. */
-void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float texel[4]);
+/* What comes from near things to a place of the hull: irradiance / pi, and how much of the hemisphere they take. */
+void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4]);
 
 /* --- world_blockers.c --- */
 /* Fills a grid; `newest`: with poses and light as they are this moment, instead of as the round sees them. */

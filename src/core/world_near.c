@@ -59,7 +59,7 @@ static Lanes plate_forms(const Near *near, uint32_t i, Vec3 point, Vec3 normal)
     return lanes_min(one, front * height * area / (square * (CHIARO_PI * square + area) + least));
 }
 
-void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float texel[4])
+void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4])
 {
     Lanes sum[3] = {lanes_of(0), lanes_of(0), lanes_of(0)}, forms = lanes_of(0);
     for (uint32_t k = 0; k < LANES - 1; k++)
@@ -70,18 +70,17 @@ void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float texel[4])
             sum[c] += form * load(near->plates[NEAR_RED + c] + i);
         forms += form;
     }
-    float weight = texel[3] + sum_lanes(forms), p[3], n[3], center[3];
-    Vec3 light = vec3_add(vec3_load(texel), vec3(sum_lanes(sum[0]), sum_lanes(sum[1]), sum_lanes(sum[2])));
+    float weight = sum_lanes(forms), p[3], n[3], center[3];
+    Vec3 given = {sum_lanes(sum[0]), sum_lanes(sum[1]), sum_lanes(sum[2])};
     vec3_store(p, point);
     vec3_store(n, normal);
     for (uint32_t i = 0; i < near->ball_count; i++) {
         const NearThing *ball = &near->balls[i];
         vec3_store(center, ball->center);
         float form = ball->visible * chiaro_sphere_form(p, n, center, sqrtf(ball->area / CHIARO_PI));
-        light = vec3_mad(light, ball->radiance, form);
+        given = vec3_mad(given, ball->radiance, form);
         weight += form;
     }
-    if (weight > 0.01f)
-        light = vec3_scale(light, 1 / weight);
-    vec3_store(texel, light);
+    vec3_store(light, given);
+    light[3] = weight;
 }

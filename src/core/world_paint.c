@@ -14,6 +14,8 @@
 
 /* A texel so full is closed: the items of a surface cover it to a few parts in a hundred. */
 static const float CLOSED = 0.93f;
+/* Where no surface sees the sky, there is no sky between surfaces either. */
+static const float CLOSED_INDOORS = 0.5f;
 /* What lies behind the plane of a nearer item in the same direction, by so much of its own size, is hidden: round things
  * bend away from their plane. */
 static const float BEHIND = 0.25f;
@@ -21,6 +23,8 @@ static const float BEHIND = 0.25f;
 static const float RIM = 0.8f;
 /* In radii of the object's part: nearer neighbours are seen from the hull. */
 static const float NEAR_OBJECT = 4;
+/* Rows that see next to nothing are left as they are. */
+static const float LEAST_WEIGHT = 0.01f;
 /* Things less visible are left out of the near sum. */
 static const float LEAST_VISIBLE = 0.01f;
 
@@ -261,8 +265,10 @@ static float open_sky(const Canvas *canvas, uint32_t t, float cover, uint32_t ch
 static void resolve(Canvas *canvas)
 {
     const ChiaroWorld *world = canvas->world;
+    bool indoors = world->desc.transport && !world->desc.transport->info.sky_seen;
     for (uint32_t t = 0; t < world->texel_count; t++) {
-        float full = canvas->full[t], scale = full >= CLOSED ? 1 / full : 1, cover = full >= CLOSED ? 1 : full;
+        float full = canvas->full[t], closed = indoors ? CLOSED_INDOORS : CLOSED;
+        float scale = full >= closed ? 1 / full : 1, cover = full >= closed ? 1 : full;
         float near = canvas->near[t].coverage, far = canvas->far[t].coverage;
         float near_seen = near * (1 - fminf(1, scale * canvas->before_near[t]));
         float far_open = (1 - near) * (1 - fminf(1, scale * canvas->before_far[t]));
@@ -271,6 +277,37 @@ static void resolve(Canvas *canvas)
             canvas->radiance[4 * t + c] = scale * canvas->radiance[4 * t + c] +
                                           far_open * canvas->far[t].radiance[c] + (cover < 1 ? sky * open_sky(canvas, t, cover, c) : 0);
         canvas->radiance[4 * t + 3] = 1 - scale * canvas->near_share[t] - near_seen;
+    }
+}
+
+/* What is near, as each normal's own place on the hull sees it. It is nearer from there than from the centre, so what is
+ * far has to make room; where both do not fill the row, both grow. */
+static void add_near(Canvas *canvas, uint32_t part, float *texels)
+{
+    ChiaroWorld *world = canvas->world;
+    const Pose *pose = &canvas->body->pose;
+    float light[4 * CHIARO_CUBE_MAX_TEXELS];
+    uint32_t edge = world->desc.edge, first = edge == 4 ? 0 : edge == 6 ? 96 : 96 + 216;
+    const float *hull = canvas->body->object.hull + 4 * ((size_t)part * CHIARO_HULL_TEXELS + first);
+    for (uint32_t t = 0; t < world->texel_count; t++) {
+        Vec3 normal = vec3_load(world->kernel->centre[t]);
+        float local[3], place[4];
+        vec3_store(local, pose_turn_back(pose, normal));
+        chiaro_cube_look_up(world->kernel, hull, local, place);
+        Vec3 skin = vec3_scale(pose_turn(pose, vec3_load(place)), pose->scale);
+        chiaro_near_sum(&world->near, vec3_add(canvas->center, skin), normal, light + 4 * t);
+    }
+    chiaro_cube_sharpen(world->kernel, light);
+    for (uint32_t t = 0; t < world->texel_count; t++) {
+        float *texel = texels + 4 * (size_t)t;
+        const float *near = light + 4 * (size_t)t;
+        float far = fmaxf(0, texel[3]), whole = far + near[3], keep = 1, scale = 1;
+        if (whole > 1)
+            keep = near[3] < 1 ? (1 - near[3]) / far : 0, scale = near[3] > 1 ? 1 / near[3] : 1;
+        else if (whole > LEAST_WEIGHT)
+            scale = 1 / whole;
+        for (uint32_t c = 0; c < 3; c++)
+            texel[c] = scale * (keep * texel[c] + near[c]);
     }
 }
 
@@ -295,19 +332,10 @@ static void paint_part(Canvas *canvas, uint32_t id, uint32_t part)
     paint_static(canvas);
     resolve(canvas);
     chiaro_cube_smooth(world->kernel, canvas->radiance, texels);
-    uint32_t edge = world->desc.edge, first = edge == 4 ? 0 : edge == 6 ? 96 : 96 + 216;
-    const float *hull = body->object.hull + 4 * ((size_t)part * CHIARO_HULL_TEXELS + first);
-    for (uint32_t t = 0; t < world->texel_count; t++) {
-        Vec3 normal = vec3_load(world->kernel->centre[t]);
-        float local[3], place[4];
-        if (world->near.plate_count || world->near.ball_count) {
-            vec3_store(local, pose_turn_back(&body->pose, normal));
-            chiaro_cube_look_up(world->kernel, hull, local, place);
-            Vec3 skin = vec3_scale(pose_turn(&body->pose, vec3_load(place)), body->pose.scale);
-            chiaro_near_sum(&world->near, vec3_add(canvas->center, skin), normal, texels + 4 * t);
-        }
+    if (world->near.plate_count || world->near.ball_count)
+        add_near(canvas, part, texels);
+    for (uint32_t t = 0; t < world->texel_count; t++)
         texels[4 * t + 3] = 1;
-    }
 }
 
 /* Light of lamps on a point, each asked whether it is seen. */
