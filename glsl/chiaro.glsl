@@ -319,7 +319,9 @@ uint chiaro_cube_texel(vec3 p, uint edge)
     vec3 a = abs(p);
     bool x = a.x >= a.y && a.x >= a.z, y = !x && a.y >= a.z;
     uint axis = x ? 0 : y ? 1 : 2, face = 2 * axis + ((x ? p.x : y ? p.y : p.z) > 0 ? 0 : 1);
-    vec2 at = x ? vec2(p.x > 0 ? -p.z : p.z, -p.y) : y ? vec2(p.x, p.y > 0 ? p.z : -p.z) : vec2(p.z > 0 ? p.x : -p.x, -p.y);
+    vec2 at = x   ? vec2(p.x > 0 ? -p.z : p.z, -p.y)
+              : y ? vec2(p.x, p.y > 0 ? p.z : -p.z)
+                  : vec2(p.z > 0 ? p.x : -p.x, -p.y);
     uvec2 texel = min(uvec2((at * 0.5 + 0.5) * float(edge)), uvec2(edge - 1));
     return (face * edge + texel.y) * edge + texel.x;
 }
@@ -336,7 +338,8 @@ ChiaroCubeTaps chiaro_cube_taps(vec3 direction, uint edge)
     vec3 a = abs(direction);
     bool x = a.x >= a.y && a.x >= a.z, y = !x && a.y >= a.z;
     vec3 d = x ? direction : y ? direction.yzx : direction.zxy; /* the axis of the face comes first */
-    vec2 at = (clamp(d.yz / max(abs(d.x), 1e-30), -1, 1) * 0.5 + 0.5) * float(edge) - 0.5, base = floor(at), part = at - base;
+    vec2 at = (clamp(d.yz / max(abs(d.x), 1e-30), -1, 1) * 0.5 + 0.5) * float(edge) - 0.5;
+    vec2 base = floor(at), part = at - base;
     ChiaroCubeTaps taps;
     taps.weight = vec4((1 - part.x) * (1 - part.y), part.x * (1 - part.y), (1 - part.x) * part.y, part.x * part.y);
     uint corner = 4;
@@ -362,8 +365,10 @@ ChiaroCubeTaps chiaro_cube_taps(vec3 direction, uint edge)
 vec3 chiaro_cube_color(uint first, uint texel)
 {
     uint format = chiaro_cube_info.shape.y;
-    if (format == CHIARO_GPU_CUBE_HALF)
-        return vec3(unpackHalf2x16(chiaro_cubes[first + 2 * texel]), unpackHalf2x16(chiaro_cubes[first + 2 * texel + 1]).x);
+    if (format == CHIARO_GPU_CUBE_HALF) {
+        uint place = first + 2 * texel;
+        return vec3(unpackHalf2x16(chiaro_cubes[place]), unpackHalf2x16(chiaro_cubes[place + 1]).x);
+    }
     uint word = chiaro_cubes[first + texel];
     if (format == CHIARO_GPU_CUBE_UNORM8)
         return unpackUnorm4x8(word).rgb;

@@ -108,7 +108,8 @@ static void what_hangs_on_a_moving_node_moves_with_it(void **state)
 {
     (void)state;
     const float h = sqrtf(0.5f), times[2] = {0, 3};
-    const float values[2][8] = {{0, 0, 0, 1, 0, h, 0, h}, {0, 0, 0, 1, 0, -h, 0, -h}}; /* one rotation, two quaternions */
+    /* One rotation, two quaternions. */
+    const float values[2][8] = {{0, 0, 0, 1, 0, h, 0, h}, {0, 0, 0, 1, 0, -h, 0, -h}};
     for (int i = 0; i < 2; i++) {
         const Motion motion = {"1", "rotation", "LINEAR", 2, 2, 4, times, values[i]};
         ChiaroIoScene scene = read_motion("arm", &motion);

@@ -51,7 +51,8 @@ static bool sees_light(const ChiaroLight *light, const float point[3], const flo
 static void must(const SceneOptions *options, const char *name, ChiaroResult result)
 {
     if (result != CHIARO_OK)
-        options_fail(options, CHIARO_EXIT_INPUT, "%s: object '%s': %s", options->input, name, chiaro_result_text(result));
+        options_fail(options, CHIARO_EXIT_INPUT, "%s: object '%s': %s", options->input, name,
+                     chiaro_result_text(result));
 }
 
 static double now(void)

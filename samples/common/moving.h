@@ -35,8 +35,8 @@ typedef struct Moving {
     double seconds;  /* that baking took */
 } Moving;
 
-/* Bakes and places them at a moment; without objects it does nothing. Exits with one line if the input is bad. `transport`
- * and `file` must stay. */
+/* Bakes and places them at a moment; without objects it does nothing. Exits with one line if the input is bad.
+ * `transport` and `file` must stay. */
 void moving_open(const SceneOptions *options, const ChiaroIoScene *file, const ChiaroTransport *transport,
                  const MovingDesc *desc, Moving *moving);
 void moving_close(Moving *moving);

@@ -26,7 +26,7 @@ static const char shared_help[] =
     "  --sun x,y,z,r,g,b       adds a sun: x,y,z points toward it, W/m^2; may be repeated\n"
     "  --no-scene-lights       leaves out the punctual lights of the file\n"
     "  --sky FILE.exr|r,g,b    sky: an equirectangular image, or one radiance\n"
-    "  --dynamic NAME|all      a node of the glTF, and what hangs on it, is an object that may move; NAME may end in *;\n"
+    "  --dynamic NAME|all      a node of the glTF, with what hangs on it, is an object; NAME may end in *;\n"
     "                          all: every node with a mesh; may be repeated. Animated nodes always are objects\n"
     "  --time T                the moment that is shown, seconds (0)\n"
     "  --object NAME,x,y,z[,yaw]    puts an object somewhere, turned about +Y by degrees; may be repeated\n"
@@ -152,13 +152,17 @@ static PlacedObject take_object(const SceneOptions *options, int argc, char **ar
 {
     const char *option = argv[*index], *text = options_text(options, argc, argv, index), *comma = strchr(text, ',');
     float v[4] = {0, 0, 0, otherwise};
-    bool good = comma && comma > text && (parse_floats(comma + 1, v, 4) ||
-                                          (!isnan(otherwise) && parse_floats(comma + 1, v, 3)));
-    char *name = good ? strndup(text, (size_t)(comma - text)) : NULL; /* lives as long as the program */
-    if (!name)
+    bool named = comma && comma > text, good = named && parse_floats(comma + 1, v, 4);
+    if (!good && named && !isnan(otherwise)) {
+        v[3] = otherwise;
+        good = parse_floats(comma + 1, v, 3);
+    }
+    PlacedObject object = {.position = {v[0], v[1], v[2]}, .value = v[3]};
+    if (!good || (size_t)(comma - text) >= sizeof object.name)
         options_fail(options, CHIARO_EXIT_USAGE, "%s wants a name and %s numbers with commas, not '%s'", option,
                      isnan(otherwise) ? "4" : "3 or 4", text);
-    return (PlacedObject){name, {v[0], v[1], v[2]}, v[3]};
+    memcpy(object.name, text, (size_t)(comma - text));
+    return object;
 }
 
 static void take_dynamic(SceneOptions *options, int argc, char **argv, int *index)

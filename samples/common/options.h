@@ -11,7 +11,7 @@ enum { MAX_DYNAMIC = 16, MAX_PLACED = 64, MAX_ADDED = 64 };
 
 /* An object that stands where the options put it. */
 typedef struct PlacedObject {
-    const char *name; /* --object: of one of the scene's. --add: "box" or "sphere" */
+    char name[CHIARO_NAME_SIZE]; /* --object: of one of the scene's. --add: "box" or "sphere" */
     float position[3];
     float value; /* --object: turn about +Y, degrees. --add: edge or diameter, m */
 } PlacedObject;

@@ -211,7 +211,8 @@ private:
         ChiaroIoObject object = {};
         copy_name(object.name, node.name.empty() ? "node " + std::to_string(visit->node) : node.name);
         object.joint = visit->joint;
-        object.after = to_plain(visit->joint != CHIARO_NONE && !visit->flat ? visit->joint_world.inverse() * place : place);
+        bool rides = visit->joint != CHIARO_NONE && !visit->flat;
+        object.after = to_plain(rides ? visit->joint_world.inverse() * place : place);
         visit->into = place.inverse();
         visit->object = uint32_t(out.objects.size());
         out.objects.push_back(object);

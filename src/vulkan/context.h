@@ -321,7 +321,8 @@ struct ChiaroVulkan {
     ObjectsState objects;
     Arena *forward_arena; /* pipelines that settings are compiled into */
     Arena *pipeline_arena; /* the others */
-    Pipeline forward[FORWARD_KINDS][SURFACE_KINDS], forward_objects[FORWARD_KINDS][SURFACE_KINDS], sky_background, gi[GI_PASSES], shadow[SHADOW_KINDS];
+    Pipeline forward[FORWARD_KINDS][SURFACE_KINDS], forward_objects[FORWARD_KINDS][SURFACE_KINDS];
+    Pipeline sky_background, gi[GI_PASSES], shadow[SHADOW_KINDS];
     bool gi_changed; /* something that bounce light depends on has changed since the last update */
     uint32_t dispatches, shadow_passes;
     uint64_t updates;

@@ -89,8 +89,8 @@ static ChiaroResult create_lists(ChiaroVulkan *context, const ChiaroVulkanObject
     state->painted = chiaro_vulkan_alloc(context, state->cubes + CHIARO_MAX_OBJECT_PARTS, sizeof(uint32_t));
     state->encoded = chiaro_vulkan_alloc(context, 2 * (size_t)state->words, sizeof(uint32_t));
     state->cells = chiaro_vulkan_alloc(context, CELL_WORDS, sizeof(uint32_t));
-    if (!state->cells || !state->meshes_by_number || !state->shown || !state->slots || !state->scales || !state->colors ||
-        !state->painted || !state->encoded)
+    if (!state->cells || !state->meshes_by_number || !state->shown || !state->slots || !state->scales ||
+        !state->colors || !state->painted || !state->encoded)
         return CHIARO_ERROR_MEMORY;
     for (uint32_t i = 0; i < state->capacity; i++)
         state->shown[i].mesh = CHIARO_NONE;
@@ -109,7 +109,8 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
     Arena *arena = state->arena = chiaro_arena_create(context);
     if (!arena)
         return CHIARO_ERROR_MEMORY;
-    const VkBufferUsageFlags copied = VK_BUFFER_USAGE_TRANSFER_DST_BIT, storage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | copied;
+    const VkBufferUsageFlags copied = VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+    const VkBufferUsageFlags storage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | copied;
     const uint64_t capacity = state->capacity, slots = state->slot_count;
     bool gi = !context->settings.gi_off;
     uint64_t *bytes = &state->bytes;
@@ -124,7 +125,8 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
         {&state->grid, sizeof(ChiaroGpuGrid) + CELL_WORDS * sizeof(uint32_t)},
     };
     for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
-        *wanted[i].buffer = chiaro_arena_buffer(context, arena, gi || i == 0 ? wanted[i].size : 16, storage, false, bytes);
+        *wanted[i].buffer =
+            chiaro_arena_buffer(context, arena, gi || i == 0 ? wanted[i].size : 16, storage, false, bytes);
     state->has_gi = gi;
     if (gi) {
         state->vertices = chiaro_arena_buffer(context, arena, info->scene->vertex_count * sizeof(ChiaroObjectVertex),
@@ -170,8 +172,9 @@ static ChiaroResult fill_vertices(ChiaroVulkan *context, const ChiaroVulkanObjec
             const ChiaroVulkanMesh *mesh = &info->meshes[i];
             memcpy(to + mesh->first_vertex, mesh->object->vertices, mesh->object->vertex_count * sizeof *to);
         }
-        chiaro_record_barrier(context, info->command_buffer, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT,
-                              VK_PIPELINE_STAGE_VERTEX_INPUT_BIT, VK_ACCESS_VERTEX_ATTRIBUTE_READ_BIT);
+        chiaro_record_barrier(context, info->command_buffer, VK_PIPELINE_STAGE_TRANSFER_BIT,
+                              VK_ACCESS_TRANSFER_WRITE_BIT, VK_PIPELINE_STAGE_VERTEX_INPUT_BIT,
+                              VK_ACCESS_VERTEX_ATTRIBUTE_READ_BIT);
     }
     chiaro_arena_retire(context, &upload.arena);
     return result;

@@ -301,8 +301,8 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands)
         /* The frames before may still read what is written now. */
         VkPipelineStageFlags readers = VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT |
                                        VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
-        chiaro_record_barrier(context, commands, readers, 0, VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
-                0);
+        chiaro_record_barrier(context, commands, readers, 0,
+                              VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, 0);
         if (lights)
             write_lights(context, commands);
         if (leaves)

@@ -127,7 +127,8 @@ static void bind_texture(ChiaroVulkan *context, Arena *arena, const ChiaroScene 
         chiaro_set_image(context, set, binding, view, sampler, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL);
 }
 
-static void create_texture_sets(ChiaroVulkan *context, SceneState *state, const ChiaroScene *scene, const VkImage *images)
+static void create_texture_sets(ChiaroVulkan *context, SceneState *state, const ChiaroScene *scene,
+                                const VkImage *images)
 {
     uint32_t count = 0;
     for (uint32_t p = 0; p < scene->part_count; p++)
