@@ -23,6 +23,8 @@ static const float BEHIND = 0.25f;
 static const float RIM = 0.8f;
 /* In radii of the object's part: nearer neighbours are seen from the hull. */
 static const float NEAR_OBJECT = 4;
+/* And those that shine by themselves, further off: their light changes with the square of the distance. */
+static const float NEAR_LAMP = 24;
 /* Rows that see next to nothing are left as they are. */
 static const float LEAST_WEIGHT = 0.01f;
 /* Things less visible are left out of the near sum. */
@@ -91,7 +93,10 @@ static void paint_node(Canvas *canvas, const Body *other, uint32_t number, bool 
 {
     const Pose *pose = &other->pose;
     const ChiaroPrimitive *node = &other->object.primitives.nodes[number];
-    Vec3 center = pose_point(pose, vec3_load(node->center)), way = vec3_sub(center, canvas->center);
+    bool ball = chiaro_is_ball(node);
+    /* The mean place of a few dozen elements is not quite the middle of a ball; nor is what they show its disc. */
+    const float *middle = ball && number == 0 ? other->object.center : node->center;
+    Vec3 center = pose_point(pose, vec3_load(middle)), way = vec3_sub(center, canvas->center);
     float distance = vec3_length(way), viewer[3], intensity[3], square = pose->scale * pose->scale;
     vec3_store(viewer, vec3_scale(pose_turn_back(pose, way), distance > 0 ? -1 / distance : 0));
     float projected = chiaro_primitive_projected_area(node, viewer);
@@ -100,6 +105,8 @@ static void paint_node(Canvas *canvas, const Body *other, uint32_t number, bool 
     const float *axes = canvas->world->last.axes + 18 * (2 * (size_t)other->first_element + number);
     chiaro_primitive_radiate(node, axes, viewer, intensity);
     Vec3 radiance = vec3_scale(vec3_load(intensity), 1 / projected);
+    if (ball)
+        projected = node->area / 4;
     ChiaroCubeDisc disc = {.distance = distance, .depth = node->radius * pose->scale};
     disc.solid_angle = chiaro_cube_sphere_angle(sqrtf(projected * square / CHIARO_PI), distance);
     vec3_store(disc.direction, way);
@@ -129,12 +136,17 @@ static void paint_neighbours(Canvas *canvas, uint32_t id)
         const Body *other = &world->bodies[listed[i].id];
         bool near = listed[i].distance < (NEAR_OBJECT - 1) * canvas->radius;
         float point[3];
+        near = near || (other->shines && listed[i].distance < NEAR_LAMP * canvas->radius);
+        *(near ? &canvas->any_near : &canvas->any_far) = true;
+        if (chiaro_is_ball(other->object.primitives.nodes)) {
+            paint_node(canvas, other, 0, near); /* it is the same from everywhere, however near */
+            continue;
+        }
         vec3_store(point, pose_point_back(&other->pose, canvas->center));
         ChiaroPrimitiveWalk walk =
             chiaro_primitive_walk_begin(&other->object.primitives, point, CHIARO_PI / 2 / (float)world->desc.edge);
         for (uint32_t n; (n = chiaro_primitive_walk_next(&walk)) != CHIARO_NONE;)
             paint_node(canvas, other, n, near);
-        *(near ? &canvas->any_near : &canvas->any_far) = true;
     }
 }
 
