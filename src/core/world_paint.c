@@ -29,6 +29,9 @@ static const float NEAR_LAMP = 24;
 static const float LEAST_WEIGHT = 0.01f;
 /* Things less visible are left out of the near sum. */
 static const float LEAST_VISIBLE = 0.01f;
+/* Texels that were full already turn a part of an item away, though nothing is in front of it: what gets in by half, or
+ * more, counts whole. */
+static const float MOSTLY = 2;
 
 enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS, FRONT_EDGE = 16 };
 
@@ -200,7 +203,7 @@ static void paint_item(Canvas *canvas, Item *item)
     Vec3 radiance = {0, 0, 0};
     if (light->lit && !item->near)
         radiance = vec3_scale(vec3_load(light->total + 3 * (size_t)item->node), 1 / CHIARO_PI);
-    item->visible = 0;
+    float taken = 0, left = 0;
     for (uint32_t k = 0; k < 4; k++) {
         uint32_t t = taps.texel[k];
         float share = item->angle * taps.weight[k] / world->kernel->weight[t], seen = share;
@@ -217,8 +220,9 @@ static void paint_item(Canvas *canvas, Item *item)
             canvas->near_share[t] += seen;
         for (uint32_t c = 0; c < 3; c++)
             canvas->radiance[4 * t + c] += seen * (c == 0 ? radiance.x : c == 1 ? radiance.y : radiance.z);
-        item->visible += seen * world->kernel->weight[t] / item->angle;
+        taken += share * world->kernel->weight[t], left += seen * world->kernel->weight[t];
     }
+    item->visible = taken > 0 ? fminf(1, MOSTLY * taken / item->angle) * left / taken : 0;
 }
 
 /* Radiosity of a near item: its ambient light blocked by objects, their bounce added; and where lamps can be asked,
@@ -255,7 +259,7 @@ static void paint_static(Canvas *canvas)
         if (!item->near || !(item->visible > LEAST_VISIBLE))
             continue;
         NearThing thing = {.center = item->center, .normal = item->normal, .area = item->area,
-                           .visible = fminf(1, item->visible)};
+                           .visible = item->visible};
         thing.radiance = vec3_scale(item_radiosity(world, item), 1 / CHIARO_PI);
         chiaro_near_add(&canvas->world->near, &thing);
     }
