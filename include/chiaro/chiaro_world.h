@@ -239,7 +239,8 @@ typedef struct ChiaroWorldBlocker {
 /** All blockers, and a grid that tells which of them matter where. Cell (x, y, z) of a point is
  * floor((point - low) / size); its number x + count[0] * (y + count[1] * z); outside the grid nothing is blocked. */
 typedef struct ChiaroWorldBlockers {
-    uint64_t revision; /**< Rises when anything of it has changed: at the end of a round. */
+    uint64_t revision; /**< Rises when anything of it may have changed. They follow objects and their light at once: in
+                            every chiaro_world_update() after something moved or was painted, also without a budget. */
     const ChiaroWorldBlocker *blockers;
     const uint32_t *cell_first; /**< Cell c has cell_blockers[cell_first[c] .. cell_first[c + 1] - 1]. */
     const uint32_t *cell_blockers; /**< Numbers of blockers; those of one object follow each other. */

@@ -190,8 +190,20 @@ static void solve_cavity(ObjectBaker *job)
  * Elements and parts
  */
 
+/* Mean normal of a piece of surface, not normalised. */
+static Vec3 mean_normal(const Baker *baker, uint32_t e)
+{
+    Vec3 sum = {0, 0, 0}, place, normal;
+    for (uint32_t k = 0; k < HULL_POINTS; k++) {
+        chiaro_patches_place(baker, e, ((float)k + 0.5f) / HULL_POINTS, 0.5f, 0.5f, &place, &normal);
+        sum = vec3_mad(sum, normal, 1.0f / HULL_POINTS);
+    }
+    return sum;
+}
+
 /* Elements do not hide each other, so each counts as much as is seen of it: the mean of projected area over all
- * directions is then right for any shape. */
+ * directions is then right for any shape. And each counts as its projection along its mean normal, so that a closed
+ * surface stays closed: what it shows to one side it shows to the other; all grow alike to make up for it. */
 static bool make_elements(ObjectBaker *job)
 {
     const Baker *baker = &job->baker;
@@ -202,15 +214,21 @@ static bool make_elements(ObjectBaker *job)
     job->primitives = calloc(1, size);
     if (!job->elements || !job->element_more || !job->primitives)
         return false;
+    double area = 0, projected = 0;
     for (uint32_t e = 0; e < count; e++) {
         const ChiaroSample *sample = &baker->samples[e];
+        Vec3 normal = mean_normal(baker, e);
+        float flatness = vec3_length(normal);
+        vec3_store(job->elements[e].normal, flatness > 0 ? vec3_normalize(normal) : vec3_load(sample->normal));
         vec3_store(job->elements[e].position, element_place(baker, e));
-        job->elements[e].area = sample->area * fminf(1, job->places[e].open);
-        memcpy(job->elements[e].normal, sample->normal, sizeof sample->normal);
+        job->elements[e].area = sample->area * fminf(1, job->places[e].open) * flatness;
+        area += (double)sample->area, projected += (double)(sample->area * flatness);
         memcpy(job->elements[e].albedo, sample->albedo, sizeof sample->albedo);
         memcpy(job->element_more[e].emission, sample->emission, sizeof sample->emission);
         vec3_store(job->element_more[e].cavity, job->places[e].cavity);
     }
+    for (uint32_t e = 0; e < count && projected > 0; e++)
+        job->elements[e].area *= (float)(area / projected);
     return chiaro_primitives_build(job->elements, count, job->primitives, size, &job->object.primitives) == CHIARO_OK;
 }
 

@@ -315,6 +315,8 @@ ChiaroResult chiaro_object_add(ChiaroWorld *world, const ChiaroObject *object, c
     *body = (Body){.object = *object, .used = true, .now = pose, .pose = pose, .first_slot = slot,
                    .first_element = element};
     memcpy(body->transform, transform, sizeof body->transform);
+    for (uint32_t e = 0; e < object->element_count; e++)
+        body->shines = body->shines || vec3_max(vec3_load(object->element_more[e].emission)) > 0;
     for (uint32_t p = 0; p < object->part_count; p++)
         world->slot_body[slot + p] = n;
     darken(world, body);

@@ -37,6 +37,7 @@ typedef struct Body {
     bool used;
     bool present; /* in this round */
     bool painted; /* in this round */
+    bool shines;  /* by itself */
     float transform[16];
     Pose now, pose; /* as it was told last; as it is in this round */
     uint32_t first_slot, first_element; /* its nodes begin at 2 * first_element */
@@ -198,6 +199,8 @@ void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4]);
 /* --- world_blockers.c --- */
 /* Fills a grid; `newest`: with poses and light as they are this moment, instead of as the round sees them. */
 void chiaro_blockers_build(ChiaroWorld *world, BlockerGrid *grid, bool newest);
+/* Does a node look like a ball from all sides? */
+bool chiaro_is_ball(const ChiaroPrimitive *node);
 float chiaro_blockers_at(const BlockerGrid *grid, Vec3 point, Vec3 normal, Vec3 *bounce);
 
 #endif

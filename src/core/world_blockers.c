@@ -18,6 +18,8 @@ static const float ROUND = 0.7f, ROUND_BLEND = 0.5f;
 static const float FLAT = 0.85f;
 /* How far receivers reach into what they lie on, as a part of a rectangle's size. */
 static const float TOUCH = 1e-3f;
+/* Plates whose normals agree by this cosine, and that lie so near to one plane, are one. */
+static const float ONE_PLANE = 0.98f;
 /* Cells are no smaller than this part of the mean reach. */
 static const float FINEST_CELL = 0.25f;
 
@@ -50,7 +52,7 @@ float chiaro_blocker_window(float distance, float reach)
  * One object
  */
 
-static bool is_ball(const ChiaroPrimitive *node)
+bool chiaro_is_ball(const ChiaroPrimitive *node)
 {
     float low = node->projected[0], high = low;
     for (uint32_t i = 1; i < 6; i++)
@@ -73,7 +75,7 @@ static uint32_t choose_nodes(const ChiaroPrimitives *primitives, uint32_t chosen
         uint32_t worst = CHIARO_NONE;
         for (uint32_t k = 0; k < count; k++) {
             const ChiaroPrimitive *node = &primitives->nodes[chosen[k]];
-            if (!is_ball(node) && !is_plate(node) &&
+            if (!chiaro_is_ball(node) && !is_plate(node) &&
                 (worst == CHIARO_NONE || node->area > primitives->nodes[chosen[worst]].area))
                 worst = k;
         }
@@ -86,71 +88,134 @@ static uint32_t choose_nodes(const ChiaroPrimitives *primitives, uint32_t chosen
     return count;
 }
 
-/* A plate as a rectangle along the axes of its object: as wide as its elements are spread, each a square of its own. */
-static void lay_plate(const Pose *pose, const ChiaroObject *object, const ChiaroPrimitive *node,
-                      ChiaroWorldBlocker *blocker)
+/* Plates that lie in one plane, on their way to being one blocker; all in the object's own space. */
+typedef struct Draft {
+    Vec3 normal, center, edge[2]; /* of the first plate; center is where the sums are taken from */
+    float area, projected, sum[2], square[2];
+    Vec3 intensity, emitted;
+    uint32_t node; /* of a ball, which stays alone */
+    bool plate;
+} Draft;
+
+static Vec3 node_emission(const ChiaroObject *object, const ChiaroPrimitive *node)
 {
-    Vec3 normal = vec3_normalize(vec3_load(node->normal)), axis = {0, 0, 0}, edge[2];
-    float n[3] = {fabsf(normal.x), fabsf(normal.y), fabsf(normal.z)}, spread[2] = {0, 0};
-    if (n[0] <= n[1] && n[0] <= n[2])
-        axis.x = 1;
-    else if (n[1] <= n[2])
-        axis.y = 1;
-    else
-        axis.z = 1;
-    edge[0] = vec3_normalize(vec3_mad(axis, normal, -vec3_dot(axis, normal)));
-    edge[1] = vec3_cross(normal, edge[0]);
+    Vec3 sum = {0, 0, 0};
     for (uint32_t i = node->first; i < node->first + node->count; i++) {
-        const ChiaroElement *element = &object->elements[object->primitives.elements[i]];
-        Vec3 from = vec3_sub(vec3_load(element->position), vec3_load(node->center));
-        for (uint32_t k = 0; k < 2 && node->area > 0; k++) {
-            float away = vec3_dot(edge[k], from);
-            spread[k] += element->area / node->area * (away * away + element->area / 12);
-        }
+        uint32_t e = object->primitives.elements[i];
+        sum = vec3_mad(sum, vec3_load(object->element_more[e].emission), object->elements[e].area / CHIARO_PI);
     }
-    /* As long and wide as its spread tells, and of its area. */
-    float area = node->area * vec3_length(vec3_load(node->normal)), ratio = 1;
-    if (spread[0] > 0 && spread[1] > 0)
-        ratio = sqrtf(spread[0] / spread[1]);
-    vec3_store(blocker->axes[1], vec3_scale(pose_turn(pose, edge[0]), pose->scale * sqrtf(area * ratio) / 2));
-    vec3_store(blocker->axes[2], vec3_scale(pose_turn(pose, edge[1]), pose->scale * sqrtf(area / ratio) / 2));
+    return sum;
 }
 
-static ChiaroWorldBlocker make_blocker(const Pose *pose, const ChiaroObject *object, uint32_t number, const float *axes,
-                                       uint32_t id)
+/* Edges along the axes of the object. */
+static Draft begin_plate(const ChiaroPrimitive *node)
+{
+    Draft draft = {.normal = vec3_normalize(vec3_load(node->normal)), .center = vec3_load(node->center), .plate = true};
+    float n[3] = {fabsf(draft.normal.x), fabsf(draft.normal.y), fabsf(draft.normal.z)};
+    uint32_t least = n[0] <= n[1] && n[0] <= n[2] ? 0 : n[1] <= n[2] ? 1 : 2;
+    Vec3 axis = vec3(least == 0, least == 1, least == 2);
+    draft.edge[0] = vec3_normalize(vec3_mad(axis, draft.normal, -vec3_dot(axis, draft.normal)));
+    draft.edge[1] = vec3_cross(draft.normal, draft.edge[0]);
+    return draft;
+}
+
+static bool in_plane(const Draft *draft, const ChiaroPrimitive *node, float radius)
+{
+    Vec3 from = vec3_sub(vec3_load(node->center), draft->center);
+    return draft->plate && vec3_dot(draft->normal, vec3_normalize(vec3_load(node->normal))) > ONE_PLANE &&
+           fabsf(vec3_dot(draft->normal, from)) < (1 - ONE_PLANE) * radius;
+}
+
+/* An element counts as a square of its area. */
+static void add_plate(Draft *draft, const ChiaroObject *object, const ChiaroPrimitive *node, const float *axes)
+{
+    float normal[3], intensity[3];
+    vec3_store(normal, draft->normal);
+    chiaro_primitive_radiate(node, axes, normal, intensity);
+    draft->intensity = vec3_add(draft->intensity, vec3_load(intensity));
+    draft->projected += chiaro_primitive_projected_area(node, normal);
+    draft->emitted = vec3_add(draft->emitted, node_emission(object, node));
+    for (uint32_t i = node->first; i < node->first + node->count; i++) {
+        const ChiaroElement *element = &object->elements[object->primitives.elements[i]];
+        Vec3 from = vec3_sub(vec3_load(element->position), draft->center);
+        draft->area += element->area;
+        for (uint32_t k = 0; k < 2; k++) {
+            float away = vec3_dot(draft->edge[k], from);
+            draft->sum[k] += element->area * away;
+            draft->square[k] += element->area * (away * away + element->area / 12);
+        }
+    }
+}
+
+/* A rectangle as long and wide as its elements are spread, and of their area. */
+static ChiaroWorldBlocker finish_plate(const Pose *pose, const Draft *draft, uint32_t id)
+{
+    ChiaroWorldBlocker blocker = {.object = id, .plate = 1};
+    float spread[2], projected = draft->projected, inverse = draft->area > 0 ? 1 / draft->area : 0;
+    Vec3 center = draft->center;
+    for (uint32_t k = 0; k < 2; k++) {
+        float mean = draft->sum[k] * inverse;
+        center = vec3_mad(center, draft->edge[k], mean);
+        spread[k] = draft->square[k] * inverse - mean * mean;
+    }
+    float ratio = spread[0] > 0 && spread[1] > 0 ? sqrtf(spread[0] / spread[1]) : 1;
+    vec3_store(blocker.center, pose_point(pose, center));
+    vec3_store(blocker.normal, pose_turn(pose, draft->normal));
+    vec3_store(blocker.axes[1], vec3_scale(pose_turn(pose, draft->edge[0]), pose->scale * sqrtf(projected * ratio) / 2));
+    vec3_store(blocker.axes[2], vec3_scale(pose_turn(pose, draft->edge[1]), pose->scale * sqrtf(projected / ratio) / 2));
+    vec3_store(blocker.axes[0], vec3_scale(draft->intensity, projected > 0 ? 1 / projected : 0));
+    vec3_store(blocker.emission, vec3_scale(draft->emitted, inverse));
+    blocker.axes[0][3] = projected * pose->scale * pose->scale;
+    blocker.reach = REACH * sqrtf(blocker.axes[0][3] / CHIARO_PI);
+    return blocker;
+}
+
+static ChiaroWorldBlocker make_ball(const Pose *pose, const ChiaroObject *object, uint32_t number, const float *axes,
+                                    uint32_t id)
 {
     ChiaroWorldBlocker blocker = {.object = id};
     const ChiaroPrimitive *node = &object->primitives.nodes[number];
-    float square = pose->scale * pose->scale, local[3], intensity[3];
-    Vec3 normal = vec3_load(node->normal);
-    blocker.plate = !is_ball(node) && is_plate(node);
-    /* The mean place of a few dozen elements is not quite the middle of a ball. */
-    const float *center = number == 0 && !blocker.plate ? object->center : node->center;
-    vec3_store(blocker.center, pose_point(pose, vec3_load(center)));
-    vec3_store(blocker.normal, vec3_normalize(pose_turn(pose, normal)));
-    for (uint32_t i = node->first; i < node->first + node->count; i++) {
-        uint32_t e = object->primitives.elements[i];
-        float share = node->area > 0 ? object->elements[e].area / node->area : 0;
-        for (uint32_t c = 0; c < 3; c++)
-            blocker.emission[c] += share * object->element_more[e].emission[c] / CHIARO_PI;
-    }
-    float largest = 0;
-    for (uint32_t i = 0; i < (blocker.plate ? 1u : 6u); i++) {
+    /* The mean place of a few dozen elements is not quite the middle of a ball, and what they show each way is not quite
+     * even: a quarter of their surface. */
+    float area = node->area / 4 * pose->scale * pose->scale, local[3], intensity[3];
+    vec3_store(blocker.center, pose_point(pose, vec3_load(number == 0 ? object->center : node->center)));
+    for (uint32_t i = 0; i < 6; i++) {
         Vec3 way = vec3(i / 2 == 0, i / 2 == 1, i / 2 == 2);
-        way = pose_turn_back(pose, vec3_scale(way, i % 2 ? -1 : 1));
-        vec3_store(local, blocker.plate ? vec3_normalize(normal) : way);
-        float area = chiaro_primitive_projected_area(node, local);
+        vec3_store(local, pose_turn_back(pose, vec3_scale(way, i % 2 ? -1 : 1)));
+        float projected = chiaro_primitive_projected_area(node, local);
         chiaro_primitive_radiate(node, axes, local, intensity);
-        for (uint32_t c = 0; c < 3 && area > 0; c++)
-            blocker.axes[i][c] = intensity[c] / area;
-        /* A ball's is the mean, a quarter of its surface: what a few dozen elements show each way is not so even. */
-        blocker.axes[i][3] = square * (blocker.plate ? area : node->area / 4);
-        largest = fmaxf(largest, blocker.axes[i][3]);
+        for (uint32_t c = 0; c < 3 && projected > 0; c++)
+            blocker.axes[i][c] = intensity[c] / projected;
+        blocker.axes[i][3] = area;
     }
-    if (blocker.plate)
-        lay_plate(pose, object, node, &blocker);
-    blocker.reach = REACH * sqrtf(largest / CHIARO_PI);
+    vec3_store(blocker.emission, vec3_scale(node_emission(object, node), node->area > 0 ? 1 / node->area : 0));
+    blocker.reach = REACH * sqrtf(area / CHIARO_PI);
     return blocker;
+}
+
+/* All blockers of an object. Returns their number. */
+static uint32_t make_blockers(const Pose *pose, const ChiaroObject *object, const float *axes, uint32_t id,
+                              ChiaroWorldBlocker *blockers)
+{
+    uint32_t chosen[CHIARO_MAX_OBJECT_BLOCKERS], nodes = choose_nodes(&object->primitives, chosen), count = 0;
+    Draft drafts[CHIARO_MAX_OBJECT_BLOCKERS];
+    for (uint32_t k = 0; k < nodes; k++) {
+        const ChiaroPrimitive *node = &object->primitives.nodes[chosen[k]];
+        uint32_t d = 0;
+        if (chiaro_is_ball(node) || !is_plate(node)) {
+            drafts[count++] = (Draft){.node = chosen[k]};
+            continue;
+        }
+        while (d < count && !in_plane(&drafts[d], node, object->radius))
+            d++;
+        if (d == count)
+            drafts[count++] = begin_plate(node);
+        add_plate(&drafts[d], object, node, axes + 18 * (size_t)chosen[k]);
+    }
+    for (uint32_t d = 0; d < count; d++)
+        blockers[d] = drafts[d].plate ? finish_plate(pose, &drafts[d], id)
+                                      : make_ball(pose, object, drafts[d].node, axes + 18 * (size_t)drafts[d].node, id);
+    return count;
 }
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -283,15 +348,11 @@ void chiaro_blockers_build(ChiaroWorld *world, BlockerGrid *grid, bool newest)
     uint32_t first = 0, count = 0;
     for (uint32_t n = 0; n < world->body_end; n++) {
         const Body *body = &world->bodies[n];
-        uint32_t chosen[CHIARO_MAX_OBJECT_BLOCKERS];
         if (newest ? !body->used : !body->present)
             continue;
-        const ChiaroPrimitives *primitives = &body->object.primitives;
         const float *axes = newest && body->painted ? world->next.axes : world->last.axes;
-        uint32_t nodes = choose_nodes(primitives, chosen);
-        for (uint32_t k = 0; k < nodes; k++)
-            grid->blockers[count++] = make_blocker(newest ? &body->now : &body->pose, &body->object, chosen[k],
-                                                   axes + 18 * (2 * (size_t)body->first_element + chosen[k]), n);
+        count += make_blockers(newest ? &body->now : &body->pose, &body->object,
+                               axes + 36 * (size_t)body->first_element, n, grid->blockers + count);
     }
     view->blockers = grid->blockers, view->blocker_count = count;
     view->cell_first = grid->first, view->cell_blockers = grid->entries;

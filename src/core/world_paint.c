@@ -23,10 +23,15 @@ static const float BEHIND = 0.25f;
 static const float RIM = 0.8f;
 /* In radii of the object's part: nearer neighbours are seen from the hull. */
 static const float NEAR_OBJECT = 4;
+/* And those that shine by themselves, further off: their light changes with the square of the distance. */
+static const float NEAR_LAMP = 24;
 /* Rows that see next to nothing are left as they are. */
 static const float LEAST_WEIGHT = 0.01f;
 /* Things less visible are left out of the near sum. */
 static const float LEAST_VISIBLE = 0.01f;
+/* Texels that were full already turn a part of an item away, though nothing is in front of it: what gets in by half, or
+ * more, counts whole. */
+static const float MOSTLY = 2;
 
 enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS, FRONT_EDGE = 16 };
 
@@ -91,7 +96,10 @@ static void paint_node(Canvas *canvas, const Body *other, uint32_t number, bool 
 {
     const Pose *pose = &other->pose;
     const ChiaroPrimitive *node = &other->object.primitives.nodes[number];
-    Vec3 center = pose_point(pose, vec3_load(node->center)), way = vec3_sub(center, canvas->center);
+    bool ball = chiaro_is_ball(node);
+    /* The mean place of a few dozen elements is not quite the middle of a ball; nor is what they show its disc. */
+    const float *middle = ball && number == 0 ? other->object.center : node->center;
+    Vec3 center = pose_point(pose, vec3_load(middle)), way = vec3_sub(center, canvas->center);
     float distance = vec3_length(way), viewer[3], intensity[3], square = pose->scale * pose->scale;
     vec3_store(viewer, vec3_scale(pose_turn_back(pose, way), distance > 0 ? -1 / distance : 0));
     float projected = chiaro_primitive_projected_area(node, viewer);
@@ -100,6 +108,8 @@ static void paint_node(Canvas *canvas, const Body *other, uint32_t number, bool 
     const float *axes = canvas->world->last.axes + 18 * (2 * (size_t)other->first_element + number);
     chiaro_primitive_radiate(node, axes, viewer, intensity);
     Vec3 radiance = vec3_scale(vec3_load(intensity), 1 / projected);
+    if (ball)
+        projected = node->area / 4;
     ChiaroCubeDisc disc = {.distance = distance, .depth = node->radius * pose->scale};
     disc.solid_angle = chiaro_cube_sphere_angle(sqrtf(projected * square / CHIARO_PI), distance);
     vec3_store(disc.direction, way);
@@ -129,12 +139,17 @@ static void paint_neighbours(Canvas *canvas, uint32_t id)
         const Body *other = &world->bodies[listed[i].id];
         bool near = listed[i].distance < (NEAR_OBJECT - 1) * canvas->radius;
         float point[3];
+        near = near || (other->shines && listed[i].distance < NEAR_LAMP * canvas->radius);
+        *(near ? &canvas->any_near : &canvas->any_far) = true;
+        if (chiaro_is_ball(other->object.primitives.nodes)) {
+            paint_node(canvas, other, 0, near); /* it is the same from everywhere, however near */
+            continue;
+        }
         vec3_store(point, pose_point_back(&other->pose, canvas->center));
         ChiaroPrimitiveWalk walk =
             chiaro_primitive_walk_begin(&other->object.primitives, point, CHIARO_PI / 2 / (float)world->desc.edge);
         for (uint32_t n; (n = chiaro_primitive_walk_next(&walk)) != CHIARO_NONE;)
             paint_node(canvas, other, n, near);
-        *(near ? &canvas->any_near : &canvas->any_far) = true;
     }
 }
 
@@ -188,7 +203,7 @@ static void paint_item(Canvas *canvas, Item *item)
     Vec3 radiance = {0, 0, 0};
     if (light->lit && !item->near)
         radiance = vec3_scale(vec3_load(light->total + 3 * (size_t)item->node), 1 / CHIARO_PI);
-    item->visible = 0;
+    float taken = 0, left = 0;
     for (uint32_t k = 0; k < 4; k++) {
         uint32_t t = taps.texel[k];
         float share = item->angle * taps.weight[k] / world->kernel->weight[t], seen = share;
@@ -205,8 +220,9 @@ static void paint_item(Canvas *canvas, Item *item)
             canvas->near_share[t] += seen;
         for (uint32_t c = 0; c < 3; c++)
             canvas->radiance[4 * t + c] += seen * (c == 0 ? radiance.x : c == 1 ? radiance.y : radiance.z);
-        item->visible += seen * world->kernel->weight[t] / item->angle;
+        taken += share * world->kernel->weight[t], left += seen * world->kernel->weight[t];
     }
+    item->visible = taken > 0 ? fminf(1, MOSTLY * taken / item->angle) * left / taken : 0;
 }
 
 /* Radiosity of a near item: its ambient light blocked by objects, their bounce added; and where lamps can be asked,
@@ -243,7 +259,7 @@ static void paint_static(Canvas *canvas)
         if (!item->near || !(item->visible > LEAST_VISIBLE))
             continue;
         NearThing thing = {.center = item->center, .normal = item->normal, .area = item->area,
-                           .visible = fminf(1, item->visible)};
+                           .visible = item->visible};
         thing.radiance = vec3_scale(item_radiosity(world, item), 1 / CHIARO_PI);
         chiaro_near_add(&canvas->world->near, &thing);
     }

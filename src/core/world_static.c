@@ -13,7 +13,7 @@ static const float SPAN = 0.35f;
 /* A node whose mean normal is shorter than this is opened, unless it is smaller than the span by so much. */
 static const float ONE_WAY = 0.9f, TINY = 0.1f;
 /* In radii of the object's part: up to where things count as near; the finest pieces. */
-static const float NEAR = 3, FINEST = 0.2f;
+static const float NEAR = 8, FINEST = 0.2f;
 /* Pieces of near leaves span so much from the nearest skin. */
 static const float NEAR_SPAN = 0.35f;
 
