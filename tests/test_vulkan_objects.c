@@ -16,7 +16,7 @@
 
 /* ---- a probe: one small triangle, and one pixel, a direction ------------------------------------------------------- */
 
-enum { GRID = 64, DIRECTIONS = GRID * GRID, STEP = SIZE / GRID };
+enum { GRID = 64, DIRECTIONS = GRID * GRID, STEP = SIZE / GRID, PARTS = 3 };
 
 typedef struct Probe {
     Mesh mesh;
@@ -58,7 +58,7 @@ static Probe make_probe(void)
 {
     static const ChiaroElement element = {.area = 0.01f, .normal = {0, 0, 1}};
     static const ChiaroObjectElement more = {.cavity = {1, 1, 1}};
-    static const ChiaroObjectPart part = {.radius = 1};
+    static const ChiaroObjectPart parts[PARTS] = {{{0, 0, 0}, 1}, {{3, 0, 0}, 1}, {{-3, 0, 0}, 1}};
     Probe probe = {.mesh = mesh_begin()};
     mesh_material(&probe.mesh, 0.5f, 0);
     probe.vertices = new_array(3 * DIRECTIONS, sizeof *probe.vertices);
@@ -75,11 +75,11 @@ static Probe make_probe(void)
     }
     size_t size = chiaro_primitives_size(1);
     probe.tree = new_array(1, size);
-    probe.hull = new_array(4 * CHIARO_HULL_TEXELS, sizeof(float));
+    probe.hull = new_array(4 * PARTS * CHIARO_HULL_TEXELS, sizeof(float));
     assert_int_equal(chiaro_primitives_build(&element, 1, probe.tree, size, &probe.object.primitives), CHIARO_OK);
     ChiaroPrimitives primitives = probe.object.primitives;
     probe.object = (ChiaroObject){.vertices = probe.vertices, .elements = &element, .element_more = &more,
-                                  .primitives = primitives, .parts = &part, .hull = probe.hull, .radius = 1,
+                                  .primitives = primitives, .parts = parts, .hull = probe.hull, .radius = 1,
                                   .vertex_count = 3 * DIRECTIONS, .element_count = 1, .part_count = 1};
     return probe;
 }
@@ -90,6 +90,37 @@ static void free_probe(Probe *probe)
     free(probe->vertices);
     free(probe->tree);
     free(probe->hull);
+}
+
+/* ---- a shape that is baked ------------------------------------------------------------------------------------------ */
+
+typedef struct Shape {
+    TestScene made;
+    ChiaroBlob blob;
+    ChiaroObject object;
+} Shape;
+
+static Shape make_shape(const char *name, float size)
+{
+    Shape shape;
+    ChiaroBakeObjectDesc desc = {.struct_size = sizeof desc, .rays = 128};
+    assert_true(scenes_make_shape(name, size, &shape.made));
+    assert_int_equal(chiaro_bake_object(&shape.made.scene, &desc, &shape.blob), CHIARO_OK);
+    assert_int_equal(chiaro_object_open(shape.blob.data, shape.blob.size, &shape.object, NULL), CHIARO_OK);
+    return shape;
+}
+
+static void free_shape(Shape *shape)
+{
+    scenes_free(&shape->made);
+    chiaro_blob_free(&shape->blob);
+}
+
+static void moved_to(float transform[16], Vec3 place, float turn, float size)
+{
+    float c = size * cosf(turn), s = size * sinf(turn);
+    const float m[16] = {c, 0, -s, 0, 0, size, 0, 0, s, 0, c, 0, place.x, place.y, place.z, 1};
+    memcpy(transform, m, sizeof m);
 }
 
 /* ---- a stage with a world ----------------------------------------------------------------------------------------- */
@@ -280,6 +311,61 @@ static void the_shader_looks_cubes_up_as_the_cpu_does(void **state)
     free_probe(&probe);
 }
 
+/* A long object: three cubes, each with something else beside it, blended by vertex. */
+static void long_objects_blend_their_cubes_by_vertex(void **state)
+{
+    (void)state;
+    float white[3] = {1, 1, 1}, beside[16];
+    const ChiaroSky sky = {1, 1, white};
+    Probe probe = make_probe();
+    Shape shape = make_shape("sphere", 5);
+    Play play = open_play(4, CHIARO_CUBE_UNORM8);
+    ChiaroCubeKernel *kernel;
+    float texels[PARTS][4 * CHIARO_CUBE_MAX_TEXELS];
+    probe.object.part_count = PARTS;
+    for (uint32_t v = 0; v < 3 * DIRECTIONS; v++) {
+        const ChiaroObjectVertex blended = {.parts = {0, 1, 2}, .weights = {(uint8_t)(v / 3 % 128), 100, 27}};
+        memcpy(probe.vertices[v].parts, blended.parts, 4);
+        memcpy(probe.vertices[v].weights, blended.weights, 4);
+        probe.vertices[v].weights[3] = (uint8_t)(128 - v / 3 % 128); /* the fourth is the first part again */
+    }
+    load_objects(&play, &probe.mesh.scene, &probe.object);
+    assert_int_equal(chiaro_world_sky(play.world, &sky), CHIARO_OK);
+    uint32_t id = add_object(&play, &probe.object, pose), other;
+    moved_to(beside, vec3(pose[12], pose[13] + 6, pose[14] + 4), 0, 1); /* by its second part only */
+    assert_int_equal(chiaro_object_add(play.world, &shape.object, beside, &other), CHIARO_OK);
+    const float *pixels = settled(&play);
+    assert_int_equal(chiaro_cube_kernel_create(4, CHIARO_CUBE_FITTED, NULL, &kernel), CHIARO_OK);
+    ChiaroObjectState placed;
+    assert_true(chiaro_object_state(play.world, id, &placed));
+    for (uint32_t p = 0; p < PARTS; p++) {
+        ChiaroWorldCube cube;
+        assert_true(chiaro_world_cube(play.world, placed.first_slot + p, &cube));
+        chiaro_cube_decode(CHIARO_CUBE_UNORM8, cube.encoded, 96, cube.scale, texels[p]);
+    }
+    double worst = 0, largest = 0, between = 0;
+    for (uint32_t i = 0; i < DIRECTIONS; i++) {
+        const ChiaroObjectVertex *vertex = &probe.vertices[3 * i];
+        float direction[3], value[4], sum = 0, first = 0;
+        vec3_store(direction, turned(probe_direction(i)));
+        for (uint32_t k = 0; k < 4; k++) {
+            chiaro_cube_look_up(kernel, texels[vertex->parts[k]], direction, value);
+            sum += (float)vertex->weights[k] / 255 * value[0];
+            first = k == 0 ? value[0] : first;
+        }
+        between = fmax(between, fabs((double)(sum - first)));
+        largest = fmax(largest, 0.5 * (double)sum);
+        worst = fmax(worst, fabs((double)probe_pixel(pixels, i)[0] - 0.5 * (double)sum));
+    }
+    printf("  three cubes that differ by %.2f, worst error %.1e of the largest\n", between, worst / largest);
+    assert_true(between > 0.02);
+    assert_below("blend", 0, worst / largest, 1e-5);
+    chiaro_cube_kernel_destroy(kernel);
+    close_play(&play);
+    free_shape(&shape);
+    free_probe(&probe);
+}
+
 static double sky_error(const float *pixels, const ChiaroSky *sky)
 {
     double error = 0, truth = 0;
@@ -359,41 +445,12 @@ static void a_cube_that_changes_fades_and_does_not_pop(void **state)
 
 /* ---- shadows ------------------------------------------------------------------------------------------------------ */
 
-typedef struct Shape {
-    TestScene made;
-    ChiaroBlob blob;
-    ChiaroObject object;
-} Shape;
-
-static Shape make_shape(const char *name, float size)
-{
-    Shape shape;
-    ChiaroBakeObjectDesc desc = {.struct_size = sizeof desc, .rays = 128};
-    assert_true(scenes_make_shape(name, size, &shape.made));
-    assert_int_equal(chiaro_bake_object(&shape.made.scene, &desc, &shape.blob), CHIARO_OK);
-    assert_int_equal(chiaro_object_open(shape.blob.data, shape.blob.size, &shape.object, NULL), CHIARO_OK);
-    return shape;
-}
-
-static void free_shape(Shape *shape)
-{
-    scenes_free(&shape->made);
-    chiaro_blob_free(&shape->blob);
-}
-
 static Mesh floor_mesh(void)
 {
     Mesh mesh = mesh_begin();
     mesh_material(&mesh, 0.7f, 0);
     mesh_quad(&mesh, vec3(-3, 0, 3), vec3(3, 0, 3), vec3(3, 0, -3), vec3(-3, 0, -3));
     return mesh;
-}
-
-static void moved_to(float transform[16], Vec3 place, float turn, float size)
-{
-    float c = size * cosf(turn), s = size * sinf(turn);
-    const float m[16] = {c, 0, -s, 0, 0, size, 0, 0, s, 0, c, 0, place.x, place.y, place.z, 1};
-    memcpy(transform, m, sizeof m);
 }
 
 /* The floor, with the shape on it as a part of the scene. */
@@ -781,6 +838,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_shader_looks_cubes_up_as_the_cpu_does),
+        cmocka_unit_test(long_objects_blend_their_cubes_by_vertex),
         cmocka_unit_test(objects_under_skies_get_exact_irradiance),
         cmocka_unit_test(a_cube_that_changes_fades_and_does_not_pop),
         cmocka_unit_test(objects_cast_the_shadows_of_things_that_stay),
