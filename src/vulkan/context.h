@@ -275,6 +275,7 @@ typedef struct ObjectsState {
     uint32_t painted_count, fading;
     uint64_t upload_bytes, bytes, revision;
     bool info_written, grid_written;
+    float grid_low[3], grid_high[3]; /* of what is written */
     bool light_due;      /* the world's light is not that of the device */
     uint64_t read_frame; /* in which it was copied for the host; 0: none is under way */
     ChiaroLight lights[CHIARO_LIGHT_SLOTS]; /* of that frame */
@@ -290,6 +291,8 @@ void chiaro_objects_stats(const ChiaroVulkan *context, ChiaroVulkanObjectStats *
 /* Tells the world which sky there is. */
 ChiaroResult chiaro_objects_sky(ChiaroVulkan *context);
 void chiaro_objects_update(ChiaroVulkan *context, VkCommandBuffer commands, uint64_t completed);
+/* True if objects may darken some of a part. */
+bool chiaro_objects_near(const ChiaroVulkan *context, const DrawPart *part);
 /* Copies the values of the nodes for the host, if they have changed. */
 void chiaro_objects_read_back(ChiaroVulkan *context, VkCommandBuffer commands);
 

@@ -504,7 +504,13 @@ static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands)
     state->revision = b.revision;
     state->grid_written = true;
     ChiaroGpuGrid grid = {.low = {b.low[0], b.low[1], b.low[2], b.size > 0 ? 1 / b.size : 0}};
+    memset(state->grid_low, 0, sizeof state->grid_low);
+    memset(state->grid_high, 0, sizeof state->grid_high);
     if (b.cell_count > 0) {
+        for (int axis = 0; axis < 3; axis++) {
+            state->grid_low[axis] = b.low[axis];
+            state->grid_high[axis] = b.low[axis] + b.size * (float)b.count[axis];
+        }
         memcpy(grid.count, b.count, sizeof b.count);
         grid.count[3] = 2 * b.cell_count + 1;
         sort_cells(&b, state->cells);
@@ -513,6 +519,15 @@ static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands)
                             (grid.count[3] + b.entry_count) * sizeof(uint32_t));
     }
     chiaro_record_write(context, commands, state->grid, 0, &grid, sizeof grid);
+}
+
+bool chiaro_objects_near(const ChiaroVulkan *context, const DrawPart *part)
+{
+    const ObjectsState *state = &context->objects;
+    bool near = true;
+    for (int axis = 0; axis < 3; axis++)
+        near &= part->low[axis] < state->grid_high[axis] && part->high[axis] >= state->grid_low[axis];
+    return near;
 }
 
 /* ---- the frame ---------------------------------------------------------------------------------------------------- */

@@ -528,10 +528,13 @@ ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
     bool lit = chiaro_vulkan_lights(context) > 0, gi = chiaro_vulkan_gi(context);
     uint32_t lighting = chiaro_forward_lighting(context), object_lighting = chiaro_object_lighting(context);
     uint32_t shadows = context->scene.shadows | context->objects.meshes.shadows;
+    uint32_t apart = lighting & ~(uint32_t)FORWARD_BLOCKED; /* parts of the scene that no object is near */
     for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++) {
         Pipeline *still = &context->forward[lighting][kind], *object = &context->forward_objects[object_lighting][kind];
         if ((context->scene.surfaces >> kind & 1) && !still->pipeline)
             *still = create_forward(context, context->forward_arena, lighting, kind, false);
+        if ((context->scene.surfaces >> kind & 1) && !context->forward[apart][kind].pipeline)
+            context->forward[apart][kind] = create_forward(context, context->forward_arena, apart, kind, false);
         if ((context->objects.meshes.surfaces >> kind & 1) && !object->pipeline)
             *object = create_forward(context, context->forward_arena, object_lighting, kind, true);
     }

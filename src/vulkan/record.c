@@ -388,19 +388,21 @@ static void draw_part(ChiaroVulkan *context, VkCommandBuffer commands, const Pip
 static void draw_parts(ChiaroVulkan *context, VkCommandBuffer commands, ChiaroForwardPush *push)
 {
     const SceneState *scene = &context->scene;
-    uint32_t lighting = chiaro_forward_lighting(context), bound = SURFACE_KINDS;
+    uint32_t lighting = chiaro_forward_lighting(context);
+    const Pipeline *bound = NULL;
     VkBuffer vertices[2] = {scene->vertices.buffer, scene->vertex_receivers.buffer};
     VkDeviceSize offsets[2] = {0, 0};
     context->vk.CmdBindVertexBuffers(commands, 0, lighting & FORWARD_GI ? 2 : 1, vertices, offsets);
     context->vk.CmdBindIndexBuffer(commands, scene->indices.buffer, 0, VK_INDEX_TYPE_UINT32);
     for (uint32_t i = 0; i < scene->part_count; i++) {
         const DrawPart *part = &scene->parts[i];
-        const Pipeline *pipeline = &context->forward[lighting][part->surface];
+        uint32_t own = chiaro_objects_near(context, part) ? lighting : lighting & ~(uint32_t)FORWARD_BLOCKED;
+        const Pipeline *pipeline = &context->forward[own][part->surface];
         if (!pipeline->pipeline)
             continue;
-        if (part->surface != bound)
-            bind_forward(context, commands, pipeline, lighting, false);
-        bound = part->surface;
+        if (pipeline != bound)
+            bind_forward(context, commands, pipeline, own, false);
+        bound = pipeline;
         draw_part(context, commands, pipeline, scene, part, 0, push);
     }
 }
