@@ -20,7 +20,7 @@
 enum { OBJECTS = 1000, MOST_TEXELS = 384, ROUNDS = 24, PROBES = 200, PATHS = 256, ROOM = 32 };
 
 static const char help[] = "Usage: chiaro-bench-objects\n"
-                           "Prints error and cost of environment cubes for 1,000 objects beside the article's literal form.\n";
+                           "Prints error and cost of environment cubes for 1,000 objects beside the article's form.\n";
 
 static double seconds(void)
 {
@@ -113,6 +113,7 @@ static void make_literal(Bench *bench)
 static void paint_literally(Bench *bench, uint32_t id)
 {
     float radiance[MOST_TEXELS][3], depth[MOST_TEXELS];
+    const float *albedo = bench->object.elements[0].albedo;
     memcpy(radiance, bench->sky, sizeof radiance);
     for (uint32_t t = 0; t < bench->texels; t++)
         depth[t] = INFINITY;
@@ -129,7 +130,7 @@ static void paint_literally(Bench *bench, uint32_t id)
             vec3_store(from, bench->places[id]);
             float center[3];
             vec3_store(center, bench->places[list[k].object]);
-            chiaro_neighbour_light(center, bench->object.radius, bench->object.elements[0].albedo, &sun, from, intensity);
+            chiaro_neighbour_light(center, bench->object.radius, albedo, &sun, from, intensity);
             for (uint32_t c = 0; c < 3; c++)
                 radiance[texel][c] = intensity[c] / (CHIARO_PI * bench->object.radius * bench->object.radius);
         }

@@ -58,11 +58,11 @@ typedef struct ChiaroBakeObjectDesc {
     uint32_t struct_size; /**< sizeof(ChiaroBakeObjectDesc). */
     uint32_t elements;    /**< About how many pieces the surface is cut into, 1 .. 4096. Default 48. */
     uint32_t parts;       /**< Most environment cubes, 1 .. CHIARO_MAX_OBJECT_PARTS. Default: all of them. */
-    float part_size;      /**< What is longer gets a further cube, m; where light changes over a lesser way than the object
-                               is long. Default: only objects that are long for their volume get more than one. */
+    float part_size;      /**< What is longer gets a further cube, m; for where light changes over less than the length of
+                               the object. Default: only objects that are long for their volume get more than one. */
     uint32_t rays;        /**< A vertex and an element, 16 .. CHIARO_MAX_RAYS. Default 512. */
-    float fade;           /**< A blocker so far away, m, counts half as much. Default: none fades, which is exact in even
-                               surroundings. */
+    float fade;           /**< A blocker so far away, m, counts half as much. Default: none fades, which is exact in
+                               even surroundings. */
     uint32_t threads;     /**< Default: one a core. The result does not depend on it. */
     uint32_t seed;
     ChiaroLog log;

@@ -136,7 +136,8 @@ typedef struct ChiaroWorldLight {
     uint32_t struct_size;      /**< sizeof(ChiaroWorldLight). */
     uint32_t light_count;
     const ChiaroLight *lights; /**< Punctual lights; copied. */
-    ChiaroVisibleFunc visible; /**< Shadow test for points of objects, called in chiaro_world_update(); NULL: no shadow. */
+    ChiaroVisibleFunc visible; /**< Shadow test for points of objects and of surfaces near them, called in
+                                    chiaro_world_update(); NULL: no shadow on objects. */
     void *user;                /**< Of `visible`. */
     /** Radiosity of the transport's nodes: straight from lights, with emission (what chiaro_samples_light() or the
      * first half of ChiaroVulkanBuffers.values holds), and of all light (the second half). Copied. NULL: black. */

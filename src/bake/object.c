@@ -102,8 +102,10 @@ static bool survey_vertices(ObjectBaker *job)
         if (rise > 0.1f)
             lift[corner.vertex] = fmaxf(lift[corner.vertex], below / rise);
     }
-    for (uint32_t v = 0; ok && v < scene->vertex_count; v++)
-        job->origin[v] = vec3_mad(vec3_add(vec3_load(scene->vertices[v].position), job->origin[v]), job->plane[v], lift[v]);
+    for (uint32_t v = 0; ok && v < scene->vertex_count; v++) {
+        Vec3 inside = vec3_add(vec3_load(scene->vertices[v].position), job->origin[v]);
+        job->origin[v] = vec3_mad(inside, job->plane[v], lift[v]);
+    }
     free(corners);
     free(lift);
     return ok;
@@ -436,9 +438,11 @@ static ChiaroResult resolve(ObjectBaker *job, const ChiaroBakeObjectDesc *desc)
     d->rays = d->rays ? d->rays : DEFAULT_OBJECT_RAYS;
     d->threads = d->threads ? d->threads : chiaro_core_count();
     bool sane = d->elements <= MOST_ELEMENTS && d->parts <= CHIARO_MAX_OBJECT_PARTS && d->rays >= 16 &&
-                d->rays <= CHIARO_MAX_RAYS && d->threads <= 1024 && d->fade >= 0 && isfinite(d->fade) && d->part_size >= 0;
+                d->rays <= CHIARO_MAX_RAYS && d->threads <= 1024 && d->fade >= 0 && isfinite(d->fade) &&
+                d->part_size >= 0;
     if (!sane)
-        chiaro_log_write(&d->log, CHIARO_LOG_ERROR, CHIARO_LOG_ARGUMENT_INVALID, "elements, parts, part_size, rays, fade or threads");
+        chiaro_log_write(&d->log, CHIARO_LOG_ERROR, CHIARO_LOG_ARGUMENT_INVALID,
+                         "elements, parts, part_size, rays, fade or threads");
     return sane ? CHIARO_OK : CHIARO_ERROR_ARGUMENT;
 }
 

@@ -176,7 +176,8 @@ static bool links_sound(const ChiaroTransport *t, const ChiaroLinks *links, uint
                      block->rank <= CHIARO_BLOCK_RANK && (block->channels == 1 || block->channels == 3);
         if (!small || block->first_row != next ||
             (uint64_t)block->first_node + block->node_count > links->node_count ||
-            (uint64_t)block->first_weight + (uint64_t)block->channels * block->rank * block->node_count > links->weight_count ||
+            (uint64_t)block->first_weight + (uint64_t)block->channels * block->rank * block->node_count >
+                links->weight_count ||
             (uint64_t)block->first_share + (uint64_t)block->rank * block->row_count > links->weight_count)
             return chiaro_file_fault(log, "block %u of the links of %s is out of range", b, of);
         next += block->row_count;
@@ -208,7 +209,8 @@ static bool mesh_sound(const ChiaroTransport *t, const ChiaroLog *log)
         if (t->vertex_receivers[v] >= t->receiver_count)
             return chiaro_file_fault(log, "vertex %u has no receiver", v);
     }
-    return chiaro_file_finite((const float *)t->vertices, (size_t)t->vertex_count * (sizeof *t->vertices / sizeof(float))) ||
+    size_t numbers = (size_t)t->vertex_count * (sizeof *t->vertices / sizeof(float));
+    return chiaro_file_finite((const float *)t->vertices, numbers) ||
            chiaro_file_fault(log, "the drawn mesh holds numbers that are not finite");
 }
 

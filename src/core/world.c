@@ -62,7 +62,8 @@ static bool make_neighbours(ChiaroWorld *world)
 
 static bool make_shine(ChiaroWorld *world, Shine *shine)
 {
-    shine->texels = chiaro_world_alloc(world, (size_t)world->desc.cube_capacity * world->texel_count, 4 * sizeof(float));
+    size_t texels = (size_t)world->desc.cube_capacity * world->texel_count;
+    shine->texels = chiaro_world_alloc(world, texels, 4 * sizeof(float));
     shine->axes = chiaro_world_alloc(world, 2 * (size_t)world->desc.element_capacity, 18 * sizeof(float));
     return shine->texels && shine->axes;
 }
@@ -97,10 +98,11 @@ static ChiaroResult make_static(ChiaroWorld *world)
     if (!world->albedo || !world->roots || !world->stack || !make_values(world, &world->light) ||
         !make_values(world, &world->coming))
         return CHIARO_ERROR_MEMORY;
-    if (!chiaro_static_roots(world))
-        return CHIARO_ERROR_DATA;
-    if (!chiaro_static_tiles(world))
-        return CHIARO_ERROR_MEMORY;
+    ChiaroResult result = chiaro_static_roots(world);
+    if (result == CHIARO_OK && !chiaro_static_tiles(world))
+        result = CHIARO_ERROR_MEMORY;
+    if (result != CHIARO_OK)
+        return result;
     for (uint32_t s = 0; s < t->sample_count; s++)
         memcpy(world->albedo + 3 * (size_t)s, t->samples[s].albedo, 3 * sizeof(float));
     chiaro_tree_sum(t, world->albedo);
@@ -127,8 +129,8 @@ static ChiaroResult make_world(ChiaroWorld *world)
     world->scales = chiaro_world_alloc(world, desc->cube_capacity, sizeof *world->scales);
     world->items = chiaro_world_alloc(world, WORLD_MAX_ITEMS, sizeof *world->items);
     world->radiosity = chiaro_world_alloc(world, desc->element_capacity, 3 * sizeof(float));
-    if (!world->sky || !world->sky_slopes || !world->bodies || !world->slot_taken || !world->slot_body || !world->slot_painted ||
-        !world->element_taken || !world->encoded || !world->scales || !world->items || !world->radiosity ||
+    if (!world->sky || !world->sky_slopes || !world->bodies || !world->slot_taken || !world->slot_body ||
+        !world->slot_painted || !world->element_taken || !world->encoded || !world->scales || !world->items || !world->radiosity ||
         !make_neighbours(world) || !make_shine(world, &world->last) || !make_shine(world, &world->next) ||
         !make_grid(world, &world->grid) || !make_grid(world, &world->shown))
         return CHIARO_ERROR_MEMORY;
@@ -159,12 +161,13 @@ void chiaro_world_destroy(ChiaroWorld *world)
 {
     if (!world)
         return;
-    void *all[] = {world->sky, world->sky_slopes, world->bodies, world->slot_taken, world->slot_body, world->slot_painted,
-                   world->element_taken, world->encoded, world->scales, world->items, world->radiosity, world->neighbour_memory,
-                   world->neighbour_objects, world->last.texels, world->last.axes, world->next.texels, world->next.axes,
+    void *all[] = {world->sky, world->sky_slopes, world->bodies, world->slot_taken, world->slot_body,
+                   world->slot_painted, world->element_taken, world->encoded, world->scales, world->items,
+                   world->radiosity, world->neighbour_memory, world->neighbour_objects, world->last.texels, world->last.axes, world->next.texels, world->next.axes,
                    world->grid.blockers, world->grid.first, world->grid.entries, world->grid.weights,
                    world->shown.blockers, world->shown.first, world->shown.entries, world->shown.weights, world->albedo,
-                   world->roots, world->stack, world->tiles, world->tile_first, world->light.lights, world->light.total, world->light.ambient,
+                   world->roots, world->stack, world->tiles, world->tile_first, world->light.lights,
+                   world->light.total, world->light.ambient,
                    world->coming.lights, world->coming.total, world->coming.ambient};
     chiaro_cube_kernel_destroy(world->kernel);
     for (size_t k = 0; k < sizeof all / sizeof *all; k++)

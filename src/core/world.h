@@ -56,8 +56,9 @@ typedef struct StaticLight {
 /* Blockers and their grid. */
 typedef struct BlockerGrid {
     ChiaroWorldBlocker *blockers;
-    uint32_t *first, *entries; /* first: one more than there are cells; entries: MAX_CELL_BLOCKERS a cell while it is built */
-    float *weights;            /* of entries */
+    uint32_t *first;   /* one more than there are cells */
+    uint32_t *entries; /* as many as may be for each cell, while it is built */
+    float *weights;    /* of entries */
     ChiaroWorldBlockers view;
 } BlockerGrid;
 
@@ -181,8 +182,8 @@ static inline bool tile_split(const Tile *tile, float longest, Tile half[2])
 bool chiaro_static_tiles(ChiaroWorld *world);
 
 /* --- world_static.c --- */
-/* Finds the roots of the static tree; false: it is not one. */
-bool chiaro_static_roots(ChiaroWorld *world);
+/* Finds the roots of the static tree. CHIARO_ERROR_DATA: it is not one. */
+ChiaroResult chiaro_static_roots(ChiaroWorld *world);
 /* What is in front of a cube, nearest first. `radius`: of the part that the cube is for. Returns the number of items. */
 uint32_t chiaro_static_items(ChiaroWorld *world, Vec3 center, float radius);
 

@@ -161,8 +161,9 @@ static ChiaroWorldBlocker finish_plate(const Pose *pose, const Draft *draft, uin
     float ratio = spread[0] > 0 && spread[1] > 0 ? sqrtf(spread[0] / spread[1]) : 1;
     vec3_store(blocker.center, pose_point(pose, center));
     vec3_store(blocker.normal, pose_turn(pose, draft->normal));
-    vec3_store(blocker.axes[1], vec3_scale(pose_turn(pose, draft->edge[0]), pose->scale * sqrtf(projected * ratio) / 2));
-    vec3_store(blocker.axes[2], vec3_scale(pose_turn(pose, draft->edge[1]), pose->scale * sqrtf(projected / ratio) / 2));
+    float half[2] = {pose->scale * sqrtf(projected * ratio) / 2, pose->scale * sqrtf(projected / ratio) / 2};
+    for (uint32_t k = 0; k < 2; k++)
+        vec3_store(blocker.axes[1 + k], vec3_scale(pose_turn(pose, draft->edge[k]), half[k]));
     vec3_store(blocker.axes[0], vec3_scale(draft->intensity, projected > 0 ? 1 / projected : 0));
     vec3_store(blocker.emission, vec3_scale(draft->emitted, inverse));
     blocker.axes[0][3] = projected * pose->scale * pose->scale;
@@ -305,7 +306,8 @@ static void enter_object(BlockerGrid *grid, uint32_t first, uint32_t count)
         const ChiaroWorldBlocker *blocker = &grid->blockers[b];
         for (uint32_t c = 0; c < 3; c++) {
             float from = (blocker->center[c] - blocker->reach - view->low[c]) / view->size;
-            float to = (blocker->center[c] + blocker->reach - view->low[c]) / view->size, last = (float)view->count[c] - 1;
+            float to = (blocker->center[c] + blocker->reach - view->low[c]) / view->size;
+            float last = (float)view->count[c] - 1;
             uint32_t begin = (uint32_t)fmaxf(0, fminf(last, from)), end = (uint32_t)fmaxf(0, fminf(last, to));
             low[c] = begin < low[c] ? begin : low[c], high[c] = end > high[c] ? end : high[c];
         }
@@ -395,8 +397,8 @@ static float blocker_form(const ChiaroWorldBlocker *blocker, Vec3 point, Vec3 no
 }
 
 /* All of an object: what it leaves open, and what it gives back. Close to where it touches, a receiver sees only that
- * part of it which the gap between the two lights, unless it shines itself: for a ball on a plane, the light there falls as the root of what is
- * open (measured). */
+ * part of it which the gap between the two lights, unless it shines itself: for a ball on a plane, the light there
+ * falls as the root of what is open (measured). */
 static float take_object(float form, Vec3 given, Vec3 emitted, Vec3 *bounce)
 {
     float open = 1 - fminf(1, form), gap = fminf(1, CHIARO_BLOCKER_GAP * sqrtf(open));

@@ -48,15 +48,17 @@ static Lanes plate_forms(const Near *near, uint32_t i, Vec3 point, Vec3 normal)
     Lanes zero = lanes_of(0), one = lanes_of(1), least = lanes_of(1e-30f);
     Lanes x = load(near->plates[NEAR_X] + i) - point.x, y = load(near->plates[NEAR_Y] + i) - point.y;
     Lanes z = load(near->plates[NEAR_Z] + i) - point.z, area = load(near->plates[NEAR_AREA] + i);
-    Lanes nx = load(near->plates[NEAR_NX] + i), ny = load(near->plates[NEAR_NY] + i), nz = load(near->plates[NEAR_NZ] + i);
+    Lanes nx = load(near->plates[NEAR_NX] + i), ny = load(near->plates[NEAR_NY] + i);
+    Lanes nz = load(near->plates[NEAR_NZ] + i);
     Lanes square = x * x + y * y + z * z, height = x * normal.x + y * normal.y + z * normal.z;
     Lanes front = lanes_max(zero, -(x * nx + y * ny + z * nz));
     /* Where its rim is, above its centre: the sine of the angle between the normals, near enough, without a root. */
     Lanes cosine = nx * normal.x + ny * normal.y + nz * normal.z, flat = cosine * cosine;
     Lanes rise = load(near->plates[NEAR_HALF] + i) * (one - lanes_min(one, flat)) * (one + 0.5f * flat) + least;
     Lanes low = lanes_max(-rise, lanes_min(rise, height)) + rise;
-    height = low * low / (4 * rise) + lanes_max(zero, height - rise);
-    return lanes_min(one, front * height * area / (square * (CHIARO_PI * square + area) + least));
+    /* low^2 / (4 rise) of its height, and all that is beyond the rise. */
+    height = low * low + 4 * rise * lanes_max(zero, height - rise);
+    return lanes_min(one, front * height * area / (4 * rise * square * (CHIARO_PI * square + area) + least));
 }
 
 void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4])

@@ -278,6 +278,7 @@ static float open_sky(const Canvas *canvas, uint32_t t, float cover, uint32_t ch
     return fmaxf(0, fminf(sky, sky * (1 - cover) - vec3_dot(vec3_load(slope->slope[channel]), lost)));
 }
 
+/* Static surfaces, neighbours and sky become one picture; its fourth number is what of it is far. */
 static void resolve(Canvas *canvas)
 {
     const ChiaroWorld *world = canvas->world;
@@ -289,9 +290,12 @@ static void resolve(Canvas *canvas)
         float near_seen = near * (1 - fminf(1, scale * canvas->before_near[t]));
         float far_open = (1 - near) * (1 - fminf(1, scale * canvas->before_far[t]));
         float sky = (1 - near) * (1 - far);
-        for (uint32_t c = 0; c < 3; c++)
-            canvas->radiance[4 * t + c] = scale * canvas->radiance[4 * t + c] +
-                                          far_open * canvas->far[t].radiance[c] + (cover < 1 ? sky * open_sky(canvas, t, cover, c) : 0);
+        for (uint32_t c = 0; c < 3; c++) {
+            float *radiance = &canvas->radiance[4 * t + c];
+            *radiance = scale * *radiance + far_open * canvas->far[t].radiance[c];
+            if (cover < 1)
+                *radiance += sky * open_sky(canvas, t, cover, c);
+        }
         canvas->radiance[4 * t + 3] = 1 - scale * canvas->near_share[t] - near_seen;
     }
 }

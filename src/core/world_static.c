@@ -13,9 +13,9 @@ static const float SPAN = 0.35f;
 /* A node whose mean normal is shorter than this is opened, unless it is smaller than the span by so much. */
 static const float ONE_WAY = 0.9f, TINY = 0.1f;
 /* In radii of the object's part: up to where things count as near; the finest pieces. */
-static const float NEAR = 8, FINEST = 0.2f;
+static const float NEAR = 8, FINEST = 0.3f;
 /* Pieces of near leaves span so much from the nearest skin. */
-static const float NEAR_SPAN = 0.35f;
+static const float NEAR_SPAN = 0.5f;
 
 /* The longest edge of a half square against the edge of a square of its area; what is shorter, in radii, is not cut. */
 static const float TILE_EDGE = 2, LEAST_EDGE = 0.02f;
@@ -28,10 +28,12 @@ typedef struct Walk {
     bool full;
 } Walk;
 
-bool chiaro_static_roots(ChiaroWorld *world)
+ChiaroResult chiaro_static_roots(ChiaroWorld *world)
 {
     const ChiaroTransport *t = world->desc.transport;
-    bool *child = chiaro_world_alloc(world, t->node_count, sizeof *child), sound = child != NULL;
+    bool *child = chiaro_world_alloc(world, t->node_count, sizeof *child), sound = true;
+    if (!child)
+        return CHIARO_ERROR_MEMORY;
     for (uint32_t n = t->leaf_count; sound && n < t->node_count; n++) {
         const ChiaroNode *node = &t->nodes[n], *left = &t->nodes[node->left], *right = &t->nodes[node->right];
         /* Another name for the same leaves is no parent. */
@@ -49,7 +51,7 @@ bool chiaro_static_roots(ChiaroWorld *world)
             world->roots[world->root_count++] = n;
     }
     chiaro_world_free(world, child);
-    return sound;
+    return sound ? CHIARO_OK : CHIARO_ERROR_DATA;
 }
 
 static void add_item(Walk *walk, const Item *like, Vec3 center, float area)
@@ -102,6 +104,7 @@ static void add_tile(Walk *walk, const Item *like, const Tile *tile)
     add_tile(walk, &piece, &half[1]);
 }
 
+/* A leaf in its true shape. */
 static void add_leaf(Walk *walk, const Item *like)
 {
     const ChiaroWorld *world = walk->world;

@@ -1,6 +1,7 @@
-/* Tiles: the true shape of static surfaces, for what is near. A leaf of the tree is a patch of any outline, and a disc or
- * a square of its area leaves gaps beside its neighbours, through which light would come. So each leaf keeps those pieces
- * of the drawn mesh that are nearest to it: triangles no larger than a leaf, which together cover every surface once.
+/* Tiles: the true shape of static surfaces, for what is near. A leaf of the tree is a patch of any outline, and a disc
+ * or a square of its area leaves gaps beside its neighbours, through which light would come. So each leaf keeps those
+ * pieces of the drawn mesh that are nearest to it: triangles no larger than a leaf, which together cover every surface
+ * once.
  */
 #include "world.h"
 
