@@ -32,7 +32,6 @@ _Static_assert(sizeof(ChiaroObjectVertex) == 36, "vertex input of objects");
 _Static_assert(CHIARO_GPU_CUBE_UNORM8 == CHIARO_CUBE_UNORM8 && CHIARO_GPU_CUBE_HALF == CHIARO_CUBE_HALF &&
                    CHIARO_GPU_CUBE_SHARED == CHIARO_CUBE_SHARED_EXPONENT,
                "formats of chiaro.glsl");
-_Static_assert((int)(1000 * CHIARO_GAP) == (int)(1000 * CHIARO_BLOCKER_GAP), "gap of chiaro.glsl");
 
 /* ---- loading ------------------------------------------------------------------------------------------------------ */
 
