@@ -393,6 +393,33 @@ static void a_shining_ball_lights_its_neighbour_by_its_solid_angle(void **state)
     moving_free(&ball);
 }
 
+static void scale_and_rotation_of_an_object_are_those_of_its_light(void **state)
+{
+    (void)state;
+    Moving lamp = moving_ball(0.5f, 12, 0, 1), half_lamp = moving_ball(0.25f, 12, 0, 1);
+    Moving ball = moving_ball(0.2f, 8, 0.5f, 0), half_ball = moving_ball(0.1f, 8, 0.5f, 0);
+    /* Twice as large, and a quarter turn about z: what looked along +y looks along -x. */
+    const float turned[16] = {0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1};
+    const float doubled[16] = {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, -1.2f, 0, 0, 1};
+    ChiaroWorld *plain = make_world(NULL, 4, 2), *scaled = make_world(NULL, 4, 2);
+    uint32_t id = add_at(plain, &ball, 0, 0, 0), scaled_id, lamp_id;
+    add_at(plain, &lamp, -1.2f, 0, 0);
+    assert_int_equal(chiaro_object_add(scaled, &half_ball.object, turned, &scaled_id), CHIARO_OK);
+    assert_int_equal(chiaro_object_add(scaled, &half_lamp.object, doubled, &lamp_id), CHIARO_OK);
+    settle(plain);
+    settle(scaled);
+    double truth = light_toward(plain, id, &ball, vec3(-1, 0, 0), 0);
+    assert_true(truth > 0.5);
+    assert_near("toward the lamp", 0, light_toward(scaled, scaled_id, &half_ball, vec3(0, 1, 0), 0), truth, 0.03 * truth);
+    assert_near("away from it", 0, light_toward(scaled, scaled_id, &half_ball, vec3(0, -1, 0), 0), 0, 0.01 * truth);
+    chiaro_world_destroy(plain);
+    chiaro_world_destroy(scaled);
+    moving_free(&lamp);
+    moving_free(&half_lamp);
+    moving_free(&ball);
+    moving_free(&half_ball);
+}
+
 static void lamps_reach_an_object_by_way_of_its_neighbour(void **state)
 {
     (void)state;
@@ -614,6 +641,7 @@ int main(void)
         cmocka_unit_test(light_in_a_furnace_is_even_wherever_the_object_is),
         cmocka_unit_test(a_shining_floor_lights_an_object_by_its_form_factor_from_the_skin),
         cmocka_unit_test(a_shining_ball_lights_its_neighbour_by_its_solid_angle),
+        cmocka_unit_test(scale_and_rotation_of_an_object_are_those_of_its_light),
         cmocka_unit_test(lamps_reach_an_object_by_way_of_its_neighbour),
         cmocka_unit_test(no_light_comes_through_a_wall),
         cmocka_unit_test(the_number_of_slices_cannot_be_seen),

@@ -128,11 +128,12 @@ static ChiaroResult make_world(ChiaroWorld *world)
     world->encoded = chiaro_world_alloc(world, desc->cube_capacity, world->encoded_bytes);
     world->scales = chiaro_world_alloc(world, desc->cube_capacity, sizeof *world->scales);
     world->items = chiaro_world_alloc(world, WORLD_MAX_ITEMS, sizeof *world->items);
+    world->item_order = chiaro_world_alloc(world, WORLD_MAX_ITEMS, sizeof *world->item_order);
     world->radiosity = chiaro_world_alloc(world, desc->element_capacity, 3 * sizeof(float));
     if (!world->sky || !world->sky_slopes || !world->bodies || !world->slot_taken || !world->slot_body ||
-        !world->slot_painted || !world->element_taken || !world->encoded || !world->scales || !world->items || !world->radiosity ||
-        !make_neighbours(world) || !make_shine(world, &world->last) || !make_shine(world, &world->next) ||
-        !make_grid(world, &world->grid) || !make_grid(world, &world->shown))
+        !world->slot_painted || !world->element_taken || !world->encoded || !world->scales || !world->items ||
+        !world->item_order || !world->radiosity || !make_neighbours(world) || !make_shine(world, &world->last) ||
+        !make_shine(world, &world->next) || !make_grid(world, &world->grid) || !make_grid(world, &world->shown))
         return CHIARO_ERROR_MEMORY;
     return make_static(world);
 }
@@ -162,7 +163,7 @@ void chiaro_world_destroy(ChiaroWorld *world)
     if (!world)
         return;
     void *all[] = {world->sky, world->sky_slopes, world->bodies, world->slot_taken, world->slot_body,
-                   world->slot_painted, world->element_taken, world->encoded, world->scales, world->items,
+                   world->slot_painted, world->element_taken, world->encoded, world->scales, world->items, world->item_order,
                    world->radiosity, world->neighbour_memory, world->neighbour_objects, world->last.texels, world->last.axes, world->next.texels, world->next.axes,
                    world->grid.blockers, world->grid.first, world->grid.entries, world->grid.weights,
                    world->shown.blockers, world->shown.first, world->shown.entries, world->shown.weights, world->albedo,

@@ -68,7 +68,6 @@ typedef struct Item {
     float area, distance, angle;    /* angle: solid */
     float visible; /* share that nothing hides */
     uint32_t node;
-    uint32_t order; /* among its like, so that equal distances have an order */
     bool near, part; /* part: a piece of a leaf */
 } Item;
 
@@ -124,6 +123,7 @@ struct ChiaroWorld {
     BlockerGrid grid, shown;      /* as the round sees it; as the host does */
 
     Item *items;
+    uint64_t *item_order; /* nearest first: the lower half is the number of an item */
     Near near;
     uint32_t *stack;
     float *radiosity; /* of the elements of one object */
@@ -184,7 +184,8 @@ bool chiaro_static_tiles(ChiaroWorld *world);
 /* --- world_static.c --- */
 /* Finds the roots of the static tree. CHIARO_ERROR_DATA: it is not one. */
 ChiaroResult chiaro_static_roots(ChiaroWorld *world);
-/* What is in front of a cube, nearest first. `radius`: of the part that the cube is for. Returns the number of items. */
+/* What is in front of a cube, into `items` and `item_order`. `radius`: of the part that the cube is for. Returns the
+ * number of items. */
 uint32_t chiaro_static_items(ChiaroWorld *world, Vec3 center, float radius);
 
 /* --- world_paint.c --- */

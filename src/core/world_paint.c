@@ -250,7 +250,7 @@ static void paint_static(Canvas *canvas)
     ChiaroWorld *world = canvas->world;
     uint32_t count = chiaro_static_items(world, canvas->center, canvas->radius);
     for (uint32_t i = 0; i < count && canvas->closed < world->texel_count; i++) {
-        Item *item = &world->items[i];
+        Item *item = &world->items[(uint32_t)world->item_order[i]];
         item->near = item->near && world->near.plate_count < WORLD_MAX_NEAR;
         if (is_hidden(canvas, item))
             continue;

@@ -7,6 +7,7 @@
 #include "world.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 /* Half of what an item may span, as a part of a texel; at it, bilinear taps of neighbouring items make an even cover. */
 static const float SPAN = 0.35f;
@@ -70,7 +71,6 @@ static void add_item(Walk *walk, const Item *like, Vec3 center, float area)
     float seen = area * facing / distance;
     item.angle = seen / (square + seen / (2 * CHIARO_PI));
     item.near = distance < NEAR * walk->radius;
-    item.order = walk->count;
     walk->world->items[walk->count++] = item;
 }
 
@@ -141,12 +141,21 @@ static void walk_tree(Walk *walk, uint32_t root)
     }
 }
 
-static int compare_items(const void *a, const void *b)
+static int compare_keys(const void *a, const void *b)
 {
-    const Item *x = a, *y = b;
-    if (x->distance != y->distance)
-        return x->distance < y->distance ? -1 : 1;
-    return x->order < y->order ? -1 : x->order > y->order;
+    const uint64_t *x = a, *y = b;
+    return *x < *y ? -1 : *x > *y;
+}
+
+/* Distances that are not negative order like their bits; equal ones by the place of the item. */
+static void sort_items(ChiaroWorld *world, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t bits;
+        memcpy(&bits, &world->items[i].distance, sizeof bits);
+        world->item_order[i] = (uint64_t)bits << 32 | i;
+    }
+    qsort(world->item_order, count, sizeof *world->item_order, compare_keys);
 }
 
 uint32_t chiaro_static_items(ChiaroWorld *world, Vec3 center, float radius)
@@ -160,6 +169,6 @@ uint32_t chiaro_static_items(ChiaroWorld *world, Vec3 center, float radius)
             walk_tree(&walk, world->roots[r]);
         walk.span *= 2;
     } while (walk.full && walk.span < 1);
-    qsort(world->items, walk.count, sizeof *world->items, compare_items);
+    sort_items(world, walk.count);
     return walk.count;
 }
