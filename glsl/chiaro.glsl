@@ -1,7 +1,9 @@
-/* Chiaro for shaders: lights, their shadows, and the tone curve. Public: a host's own shaders may include it.
+/* Chiaro for shaders: lights, their shadows, environment cubes, and the tone curve. Public: a host's own shaders may
+ * include it.
  *
- * Define CHIARO_LIGHT_SET as the number of the descriptor set of lights before including it to get the lights; without
- * it only arithmetic is declared. Needs GL_GOOGLE_include_directive.
+ * Define CHIARO_LIGHT_SET as the number of the descriptor set of lights before including it to get the lights, and
+ * CHIARO_OBJECT_SET as that of objects to get objects and their cubes; without them only arithmetic is declared. Needs
+ * GL_GOOGLE_include_directive.
  */
 #ifndef CHIARO_GLSL
 #define CHIARO_GLSL
@@ -65,7 +67,7 @@ float chiaro_point_form(vec3 normal, float s, vec3 toward, float d)
 
 layout(std430, set = CHIARO_LIGHT_SET, binding = 0) readonly buffer ChiaroLights
 {
-    uvec4 chiaro_light_count;
+    uvec4 chiaro_light_count; /* punctual; with the sun of the sky, which follows them; unused */
     ChiaroGpuLight chiaro_lights[];
 };
 layout(set = CHIARO_LIGHT_SET, binding = 1) uniform sampler2DArray chiaro_face_shadows;
@@ -186,6 +188,57 @@ float chiaro_shadow(ChiaroGpuLight light, vec3 point, vec3 normal)
     return chiaro_shadow_mix(place, blocked * (1 - behind));
 }
 
+/* True where a texel, `x` and `y` texels away, blocks a part of the sun's disc. `spread` is how many texels wide the disc
+ * is for what lies by a q of 1 before the place. What is too low for its distance stands beside the disc: a wall that
+ * rises from the place's own floor. */
+vec4 chiaro_disc_blocked(ChiaroShadowPlace place, vec2 spread, vec4 stored, vec4 x, vec4 y)
+{
+    vec4 plane = place.q + place.gradient.x * x + place.gradient.y * y;
+    /* A tap is as wide as its texels: their diagonal does not count. */
+    vec4 u = max(abs(x) - 1.5, vec4(0)) / spread.x, v = max(abs(y) - 1.5, vec4(0)) / spread.y;
+    vec4 height = 2 * (stored - place.q);
+    return vec4(greaterThan(stored, max(plane, vec4(place.q)) + place.bias)) *
+           vec4(lessThanEqual(u * u + v * v, height * height));
+}
+
+/* Share of the disc of a sun that is not blocked. A first look, at all scales about the place, finds the mean height of
+ * what blocks; then follows the mean over the disc as wide as it is at that height (R. Fernando, "Percentage-Closer Soft
+ * Shadows", 2005). */
+float chiaro_disc_shadow(ChiaroGpuLight light, vec3 point, vec3 normal)
+{
+    const int looks = 32, taps = 32, rim = 6;
+    const mat2 turn = mat2(-0.737369, 0.675490, -0.675490, -0.737369); /* by the golden angle */
+    ChiaroShadowPlace place = chiaro_shadow_place(light, point, normal);
+    vec2 spread = light.cone.x * light.shadow.y / (2 * light.shadow.x) / vec2(light.right.w, light.up.w);
+    vec2 way = vec2(1, 0);
+    float height = 0, count = 0, scale = 1 - place.q, least = 0.7 / max(spread.x, spread.y);
+    for (int i = 0; i < looks && scale > least; i++, way = turn * way, scale *= 0.878) {
+        vec2 at = floor(place.part + way * spread * scale + 0.5);
+        vec3 texel = vec3((place.base + at + 0.5) / light.shadow.y, place.layer);
+        float stored = textureLod(chiaro_wide_shadows, texel, 0).r;
+        at -= place.part;
+        float blocked = chiaro_disc_blocked(place, spread, vec4(stored), vec4(at.x), vec4(at.y)).x;
+        height += blocked * (stored - place.q);
+        count += blocked;
+    }
+    vec2 radius = spread * (height / max(count, 1));
+    if (max(radius.x, radius.y) < 1)
+        return chiaro_shadow(light, point, normal);
+    float lit = 0;
+    for (int i = taps; i > 0; i--, way = turn * way) {
+        vec2 at = place.part + way * radius * sqrt((float(i) - 0.5) / float(taps)), base = floor(at);
+        vec4 x = vec4(0, 1, 1, 0) + (base.x - place.part.x), y = vec4(1, 1, 0, 0) + (base.y - place.part.y);
+        vec4 stored = chiaro_shadow_gather(light, place.base + base + 1, place.layer);
+        vec4 blocked = chiaro_disc_blocked(place, spread, stored, x, y);
+        ChiaroShadowPlace tap = place;
+        tap.part = at - base;
+        lit += chiaro_shadow_mix(tap, blocked);
+        if (i == taps - rim + 1 && lit == 0)
+            return 0; /* the rim is dark, and so is what it encloses */
+    }
+    return lit / float(taps);
+}
+
 /* Irradiance from all lights at a place of a surface, with shadows. `geometric` is the normal of the triangle. */
 vec3 chiaro_punctual_irradiance(vec3 point, vec3 normal, vec3 geometric)
 {
@@ -207,11 +260,21 @@ vec3 chiaro_punctual_irradiance(vec3 point, vec3 normal, vec3 geometric)
     return sum;
 }
 
+/* The same, from the sun of the sky, which counts as indirect light. Only where chiaro_light_count.y counts it. */
+vec3 chiaro_sky_sun_irradiance(vec3 point, vec3 normal, vec3 geometric)
+{
+    ChiaroGpuLight sun = chiaro_lights[chiaro_light_count.x];
+    vec3 toward = -sun.direction.xyz;
+    float cosine = dot(normal, toward);
+    bool faces = cosine > 0 && dot(geometric, toward) > 0;
+    return faces ? sun.intensity.rgb * (cosine * chiaro_disc_shadow(sun, point, geometric)) : vec3(0);
+}
+
 /* Irradiance of one moved-back point (ChiaroPoint): cull plane, shadow, disc law. */
 vec3 chiaro_point_irradiance(vec3 position, float cull, vec3 normal)
 {
     vec3 point = position + normal * cull, sum = vec3(0);
-    for (uint i = 0; i < chiaro_light_count.x; i++) {
+    for (uint i = 0; i < chiaro_light_count.y; i++) {
         ChiaroGpuLight light = chiaro_lights[i];
         float form;
         if (light.info.x == CHIARO_GPU_SUN) {
@@ -227,6 +290,266 @@ vec3 chiaro_point_irradiance(vec3 position, float cull, vec3 normal)
             sum += light.intensity.rgb * (form * chiaro_shadow_quick(light, point, normal));
     }
     return sum;
+}
+
+#endif
+
+#ifdef CHIARO_OBJECT_SET
+
+layout(std430, set = CHIARO_OBJECT_SET, binding = 0) readonly buffer ChiaroObjects
+{
+    ChiaroGpuObject chiaro_objects[];
+};
+/* A slot holds two cubes, what was shown before and what was painted last; its scales are their shares, which add up to
+ * what decoded colours are multiplied with. Cubes are plain words, not an image: that takes no optional feature
+ * (imageCubeArray), no limit on layers, no rims of copied texels, and gives the same bits on every device. */
+layout(std430, set = CHIARO_OBJECT_SET, binding = 1) readonly buffer ChiaroScales
+{
+    ChiaroGpuCubes chiaro_cube_info;
+    vec2 chiaro_scales[];
+};
+layout(std430, set = CHIARO_OBJECT_SET, binding = 2) readonly buffer ChiaroCubes
+{
+    uint chiaro_cubes[];
+};
+
+/* Number of the texel that a place on the cube from -1 to 1 lies in. Twin of chiaro_cube_texel in src/core/cube.h. */
+uint chiaro_cube_texel(vec3 p, uint edge)
+{
+    vec3 a = abs(p);
+    bool x = a.x >= a.y && a.x >= a.z, y = !x && a.y >= a.z;
+    uint axis = x ? 0 : y ? 1 : 2, face = 2 * axis + ((x ? p.x : y ? p.y : p.z) > 0 ? 0 : 1);
+    vec2 at = x   ? vec2(p.x > 0 ? -p.z : p.z, -p.y)
+              : y ? vec2(p.x, p.y > 0 ? p.z : -p.z)
+                  : vec2(p.z > 0 ? p.x : -p.x, -p.y);
+    uvec2 texel = min(uvec2((at * 0.5 + 0.5) * float(edge)), uvec2(edge - 1));
+    return (face * edge + texel.y) * edge + texel.x;
+}
+
+/* Four texels around a direction, and their weights. */
+struct ChiaroCubeTaps {
+    uvec4 texel;
+    vec4 weight;
+};
+
+/* Twin of chiaro_cube_taps in src/core/cubes.h: bilinear, and over the edge of a face lies the next one's texel. */
+ChiaroCubeTaps chiaro_cube_taps(vec3 direction, uint edge)
+{
+    vec3 a = abs(direction);
+    bool x = a.x >= a.y && a.x >= a.z, y = !x && a.y >= a.z;
+    vec3 d = x ? direction : y ? direction.yzx : direction.zxy; /* the axis of the face comes first */
+    vec2 at = (clamp(d.yz / max(abs(d.x), 1e-30), -1, 1) * 0.5 + 0.5) * float(edge) - 0.5;
+    vec2 base = floor(at), part = at - base;
+    ChiaroCubeTaps taps;
+    taps.weight = vec4((1 - part.x) * (1 - part.y), part.x * (1 - part.y), (1 - part.x) * part.y, part.x * part.y);
+    uint corner = 4;
+    for (uint k = 0; k < 4; k++) {
+        vec2 centre = (base + vec2(k & 1, k >> 1) + 0.5) * (2 / float(edge)) - 1, over = max(abs(centre) - 1, 0);
+        /* What lies over an edge is folded down onto the next face. */
+        vec3 place = vec3((d.x > 0 ? 1 : -1) * (1 - over.x - over.y), clamp(centre, -1, 1));
+        taps.texel[k] = chiaro_cube_texel(x ? place : y ? place.zxy : place.yzx, edge);
+        if (over.x > 0 && over.y > 0)
+            corner = k;
+    }
+    if (corner < 4) {
+        /* Three texels meet: their mean stands for the fourth. */
+        float share = taps.weight[corner] / 3;
+        taps.weight += share;
+        taps.weight[corner] = 0;
+        taps.texel[corner] = taps.texel[3 - corner];
+    }
+    return taps;
+}
+
+/* A texel of a cube that begins at a word. */
+vec3 chiaro_cube_color(uint first, uint texel)
+{
+    uint format = chiaro_cube_info.shape.y;
+    if (format == CHIARO_GPU_CUBE_HALF) {
+        uint place = first + 2 * texel;
+        return vec3(unpackHalf2x16(chiaro_cubes[place]), unpackHalf2x16(chiaro_cubes[place + 1]).x);
+    }
+    uint word = chiaro_cubes[first + texel];
+    if (format == CHIARO_GPU_CUBE_UNORM8)
+        return unpackUnorm4x8(word).rgb;
+    return vec3(word & 511u, word >> 9 & 511u, word >> 18 & 511u) * uintBitsToFloat(((word >> 27) + 103u) << 23);
+}
+
+vec3 chiaro_cube_mix(uint first, ChiaroCubeTaps taps)
+{
+    vec3 sum = vec3(0);
+    for (uint k = 0; k < 4; k++)
+        sum += taps.weight[k] * chiaro_cube_color(first, taps.texel[k]);
+    return sum;
+}
+
+/* Irradiance of a surface that faces a direction of the world, from the cube of a slot: without seams, and going over
+ * from the cube that was shown before. May be a little below zero. */
+vec3 chiaro_cube_irradiance(uint slot, vec3 direction)
+{
+    ChiaroCubeTaps taps = chiaro_cube_taps(direction, chiaro_cube_info.shape.x);
+    uint words = chiaro_cube_info.shape.z, first = 2 * slot * words;
+    vec2 scales = chiaro_scales[slot];
+    vec3 sum = scales.y * chiaro_cube_mix(first + words, taps);
+    if (scales.x > 0)
+        sum += scales.x * chiaro_cube_mix(first, taps);
+    return chiaro_pi * sum;
+}
+
+vec3 chiaro_object_direction(ChiaroGpuObject object, vec3 d)
+{
+    return vec3(dot(object.row0.xyz, d), dot(object.row1.xyz, d), dot(object.row2.xyz, d));
+}
+
+vec3 chiaro_object_point(ChiaroGpuObject object, vec3 p)
+{
+    return chiaro_object_direction(object, p) + vec3(object.row0.w, object.row1.w, object.row2.w);
+}
+
+/* Irradiance of a vertex of an object. Twin of chiaro_object_irradiance. */
+vec3 chiaro_object_irradiance(ChiaroGpuObject object, vec3 cavity, vec3 bent, uvec4 parts, vec4 weights)
+{
+    vec3 direction = chiaro_object_direction(object, bent), sum = vec3(0);
+    for (uint k = 0; k < 4; k++)
+        if (weights[k] > 0)
+            sum += weights[k] * chiaro_cube_irradiance(object.info.x + parts[k], direction);
+    return max(cavity * sum, vec3(0));
+}
+
+/* What stands for an object where it blocks light: ChiaroWorldBlocker. */
+struct ChiaroBlocker {
+    vec4 center;  /* w: reach */
+    vec3 normal;
+    uint plate;
+    vec4 axes[6]; /* radiance, and projected area */
+    vec3 emission;
+    uint object;
+};
+layout(std430, set = CHIARO_OBJECT_SET, binding = 3) readonly buffer ChiaroBlockers
+{
+    ChiaroBlocker chiaro_blockers[];
+};
+layout(std430, set = CHIARO_OBJECT_SET, binding = 4) readonly buffer ChiaroCells
+{
+    ChiaroGpuGrid chiaro_grid;
+    /* Two words a cell: where its objects begin that are a single ball which does not shine itself, and where the entries
+     * of the others do; at the end where all end; then the entries, which are blockers. Such balls have a loop of their
+     * own, because processors that run several pixels in step go through both sides of a branch. */
+    uint chiaro_cells[];
+};
+
+/* Form factor of a sphere. Twin of chiaro_sphere_form. */
+float chiaro_sphere_form(vec3 way, vec3 normal, float radius)
+{
+    float away = length(way), cosine = clamp(dot(normal, way) / max(away, 1e-20), -1, 1);
+    if (away <= radius)
+        return (1 + cosine) / 2;
+    float ratio = radius / away;
+    if (cosine >= ratio)
+        return ratio * ratio * cosine;
+    if (cosine <= -ratio)
+        return 0;
+    /* Across the horizon (Howell's catalogue, B-19). */
+    float sine = sqrt(1 - cosine * cosine), x = sqrt((1 - ratio) * (1 + ratio)) / ratio;
+    float y = clamp(-x * cosine / sine, -1, 1), root = sqrt(1 - y * y);
+    return max(0, (ratio * ratio * (cosine * acos(y) - x * sine * root) + atan(sine * root, x)) / chiaro_pi);
+}
+
+/* Angle under which an edge is seen, times the cosine of its plane's normal: Lambert's sum over edges. */
+float chiaro_edge_form(vec3 normal, vec3 a, vec3 b)
+{
+    vec3 plane = cross(a, b);
+    float size = length(plane);
+    return size > 0 ? atan(size, dot(a, b)) * dot(normal, plane) / size : 0;
+}
+
+/* Twin of chiaro_rectangle_form. */
+float chiaro_rectangle_form(vec3 way, vec3 normal, vec3 across, vec3 along)
+{
+    way += normal * (1e-3 * (length(across) + length(along)));
+    if (dot(cross(across, along), way) >= 0)
+        return 0;
+    vec3 a = way - across - along, b = way + across - along, c = way + across + along, d = way - across + along;
+    a += normal * max(0, -dot(normal, a));
+    b += normal * max(0, -dot(normal, b));
+    c += normal * max(0, -dot(normal, c));
+    d += normal * max(0, -dot(normal, d));
+    float sum = chiaro_edge_form(normal, a, b) + chiaro_edge_form(normal, b, c) + chiaro_edge_form(normal, c, d) +
+                chiaro_edge_form(normal, d, a);
+    return min(1, abs(sum) / (2 * chiaro_pi));
+}
+
+/* Share of the form of a blocker that counts; 0 out of reach. Twin of chiaro_blocker_window. */
+float chiaro_blocker_window(vec3 way, float reach)
+{
+    float ratio = dot(way, way) / (reach * reach);
+    return max(0, 1 - ratio * ratio);
+}
+
+/* Form of a ball, and its radiance, over a receiver. */
+float chiaro_ball_form(uint number, vec3 way, vec3 normal, out vec3 radiance)
+{
+    vec3 w = -normalize(way);
+    vec4 seen = w.x * w.x * chiaro_blockers[number].axes[w.x < 0 ? 1 : 0] +
+                w.y * w.y * chiaro_blockers[number].axes[w.y < 0 ? 3 : 2] +
+                w.z * w.z * chiaro_blockers[number].axes[w.z < 0 ? 5 : 4];
+    radiance = seen.rgb;
+    return chiaro_sphere_form(way, normal, sqrt(seen.w / chiaro_pi));
+}
+
+/* The same of any blocker. */
+float chiaro_blocker_form(uint number, vec3 way, vec3 normal, out vec3 radiance)
+{
+    if (chiaro_blockers[number].plate == 0)
+        return chiaro_ball_form(number, way, normal, radiance);
+    radiance = chiaro_blockers[number].axes[0].rgb;
+    return chiaro_rectangle_form(way, normal, chiaro_blockers[number].axes[1].xyz, chiaro_blockers[number].axes[2].xyz);
+}
+
+/* All of an object: what it leaves open, and what it gives back: of what it passes on, the part that the gap lights. */
+float chiaro_take_object(float form, vec3 given, vec3 emitted, inout vec3 bounce)
+{
+    float left = 1 - min(1, form);
+    bounce += chiaro_pi * mix(emitted, given, min(1, CHIARO_GAP * sqrt(left)));
+    return left;
+}
+
+/* What objects do to a point of a static surface: irradiance' = open * irradiance + bounce. Twin of chiaro_world_blocked. */
+float chiaro_blocked(vec3 point, vec3 normal, out vec3 bounce)
+{
+    vec3 place = (point - chiaro_grid.low.xyz) * chiaro_grid.low.w;
+    bounce = vec3(0);
+    if (any(lessThan(place, vec3(0))) || any(greaterThanEqual(place, vec3(chiaro_grid.count.xyz))))
+        return 1;
+    uvec3 cell = uvec3(place);
+    uint number = 2 * (cell.x + chiaro_grid.count.x * (cell.y + chiaro_grid.count.y * cell.z)), last = ~0u;
+    uint balls = chiaro_cells[number], others = chiaro_cells[number + 1], end = chiaro_cells[number + 2];
+    float open = 1, sum = 0;
+    vec3 given = vec3(0), emitted = vec3(0), radiance;
+    for (uint k = balls; k < others; k++) {
+        uint blocker = chiaro_cells[chiaro_grid.count.w + k];
+        vec4 center = chiaro_blockers[blocker].center;
+        vec3 way = center.xyz - point;
+        float form = chiaro_blocker_window(way, center.w) * chiaro_ball_form(blocker, way, normal, radiance);
+        open *= chiaro_take_object(form, form * radiance, vec3(0), bounce);
+    }
+    for (uint k = others; k < end; k++) {
+        uint blocker = chiaro_cells[chiaro_grid.count.w + k], object = chiaro_blockers[blocker].object;
+        if (object != last)
+            open *= chiaro_take_object(sum, given, emitted, bounce);
+        if (object != last) {
+            sum = 0;
+            given = emitted = vec3(0);
+            last = object;
+        }
+        vec4 center = chiaro_blockers[blocker].center;
+        vec3 way = center.xyz - point;
+        float form = chiaro_blocker_window(way, center.w) * chiaro_blocker_form(blocker, way, normal, radiance);
+        sum += form;
+        given += form * radiance;
+        emitted += form * chiaro_blockers[blocker].emission;
+    }
+    return open * chiaro_take_object(sum, given, emitted, bounce);
 }
 
 #endif

@@ -63,11 +63,41 @@ CHIARO_STRUCT(ChiaroGpuLight)
     CHIARO_VEC4(position);  /* w: range, 0 without end. Sun: centre of the shadow view's near plane. */
     CHIARO_VEC4(direction); /* the way that light travels; forward of a spot's and a sun's shadow view */
     CHIARO_VEC4(intensity);
-    CHIARO_VEC4(cone);      /* spot: cos_outer, 1 / (cos_inner - cos_outer) */
+    CHIARO_VEC4(cone);      /* spot: cos_outer, 1 / (cos_inner - cos_outer); sun of the sky: tangent of its angular radius */
     CHIARO_VEC4(right);     /* unit; w: half width of the view (perspective: at distance 1) */
     CHIARO_VEC4(up);        /* unit; w: half height */
     CHIARO_VEC4(shadow);    /* near (sun: 1 / depth), size in texels, coordinate rounding in m, steepest slope of q */
     CHIARO_UVEC4(info);     /* type; 1: six faces, 0: one view; first layer; unused */
+};
+
+/* CHIARO_BLOCKER_GAP of chiaro_world.h. */
+#define CHIARO_GAP 1.6
+
+/* How cubes of objects are stored: the values of ChiaroCubeFormat. */
+#define CHIARO_GPU_CUBE_UNORM8 0u
+#define CHIARO_GPU_CUBE_HALF 1u
+#define CHIARO_GPU_CUBE_SHARED 2u
+
+/* A placed object. */
+CHIARO_STRUCT(ChiaroGpuObject)
+{
+    CHIARO_VEC4(row0); /* of the matrix from its own space to the world */
+    CHIARO_VEC4(row1);
+    CHIARO_VEC4(row2);
+    CHIARO_UVEC4(info); /* slot of its first cube; unused */
+};
+
+/* What all cubes share. */
+CHIARO_STRUCT(ChiaroGpuCubes)
+{
+    CHIARO_UVEC4(shape); /* edge, format, words a cube; unused */
+};
+
+/* The grid of blockers (ChiaroWorldBlockers). */
+CHIARO_STRUCT(ChiaroGpuGrid)
+{
+    CHIARO_VEC4(low);    /* w: 1 / edge of a cell */
+    CHIARO_UVEC4(count); /* cells along each axis; where in the array the numbers of blockers begin */
 };
 
 /* Push constants of the forward pass: the view, then what changes from part to part. */

@@ -1,13 +1,17 @@
-/* Pixel half of the forward pass: radiance of a diffuse surface. Compiled four times: with or without lights
- * (CHIARO_LIT), with or without textures (CHIARO_TEXTURED). */
+/* Pixel half of the forward pass: radiance of a diffuse surface. Compiled eight times: with or without lights (CHIARO_LIT),
+ * with or without textures (CHIARO_TEXTURED), and for what objects stand near (CHIARO_BLOCKED). */
 #ifdef CHIARO_LIT
 #define CHIARO_LIGHT_SET 0
+#endif
+#ifdef CHIARO_BLOCKED
+#define CHIARO_OBJECT_SET 3
 #endif
 #include "chiaro.glsl"
 
 layout(constant_id = 0) const uint component = CHIARO_GPU_FULL;
 layout(constant_id = 1) const bool tone_map = false;
 layout(constant_id = 2) const bool masked = false;
+layout(constant_id = 3) const bool sky_sun = false;
 
 layout(push_constant) uniform Push
 {
@@ -42,14 +46,23 @@ void main()
 
     vec3 received = vec3(0);
 #ifdef CHIARO_LIT
-    if (component != CHIARO_GPU_INDIRECT) {
-        vec3 geometric = normalize(cross(dFdx(v_offset), dFdy(v_offset)));
-        geometric = dot(geometric, v_offset) > 0 ? -geometric : geometric;
-        received = chiaro_punctual_irradiance(push.eye.xyz + v_offset, normalize(v_normal), geometric);
-    }
+    vec3 geometric = normalize(cross(dFdx(v_offset), dFdy(v_offset)));
+    geometric = dot(geometric, v_offset) > 0 ? -geometric : geometric;
+    vec3 point = push.eye.xyz + v_offset, normal = normalize(v_normal);
+    if (component != CHIARO_GPU_INDIRECT)
+        received = chiaro_punctual_irradiance(point, normal, geometric);
+    if (sky_sun)
+        received += chiaro_sky_sun_irradiance(point, normal, geometric);
 #endif
-    if (component != CHIARO_GPU_PUNCTUAL)
-        received += max(v_irradiance, vec3(0));
+    if (component != CHIARO_GPU_PUNCTUAL) {
+        vec3 ambient = max(v_irradiance, vec3(0));
+#ifdef CHIARO_BLOCKED
+        vec3 bounce;
+        ambient *= chiaro_blocked(push.eye.xyz + v_offset, normalize(v_normal), bounce);
+        ambient += bounce;
+#endif
+        received += ambient;
+    }
     vec3 radiance = albedo.rgb * received / chiaro_pi;
     if (component == CHIARO_GPU_FULL)
         radiance += emission;

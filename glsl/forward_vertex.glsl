@@ -1,5 +1,9 @@
-/* Vertex half of the forward pass. Compiled with bounce light (forward_gi) and without (forward). */
-#include "chiaro_shared.h"
+/* Vertex half of the forward pass. Compiled four times: with bounce light (CHIARO_GI) or without, for what stays or for
+ * objects (CHIARO_OBJECT), whose bounce light comes from their cubes. */
+#ifdef CHIARO_OBJECT
+#define CHIARO_OBJECT_SET 3
+#endif
+#include "chiaro.glsl"
 
 layout(push_constant) uniform Push
 {
@@ -10,7 +14,12 @@ layout(location = 1) in vec3 normal;
 layout(location = 2) in vec2 uv;
 layout(location = 3) in vec2 emission_uv;
 layout(location = 4) in vec4 color;
-#ifdef CHIARO_GI
+#if defined(CHIARO_OBJECT) && defined(CHIARO_GI)
+layout(location = 5) in vec3 cavity;
+layout(location = 6) in vec3 bent;
+layout(location = 7) in uvec4 parts;
+layout(location = 8) in vec4 weights;
+#elif defined(CHIARO_GI)
 layout(location = 5) in uint receiver;
 layout(std430, set = 1, binding = 0) readonly buffer Irradiance { vec4 irradiance[]; };
 #endif
@@ -23,12 +32,20 @@ layout(location = 4) out vec4 v_uv;
 
 void main()
 {
-    gl_Position = push.view_projection * vec4(position, 1);
-    v_offset = position - push.eye.xyz;
+    vec3 place = position;
     v_normal = normal;
+#ifdef CHIARO_OBJECT
+    ChiaroGpuObject object = chiaro_objects[gl_InstanceIndex];
+    place = chiaro_object_point(object, position);
+    v_normal = normalize(chiaro_object_direction(object, normal));
+#endif
+    gl_Position = push.view_projection * vec4(place, 1);
+    v_offset = place - push.eye.xyz;
     v_color = color;
     v_uv = vec4(uv, emission_uv);
-#ifdef CHIARO_GI
+#if defined(CHIARO_OBJECT) && defined(CHIARO_GI)
+    v_irradiance = chiaro_object_irradiance(object, cavity, bent, parts, weights);
+#elif defined(CHIARO_GI)
     v_irradiance = irradiance[receiver].rgb;
 #else
     v_irradiance = vec3(0);

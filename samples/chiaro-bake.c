@@ -120,7 +120,7 @@ static int bake(const SceneOptions *options, ChiaroBakeDesc *desc)
     desc->log = (ChiaroLog){print_message, (void *)(uintptr_t)options};
     if (!options->output)
         options_fail(options, CHIARO_EXIT_USAGE, "-o is missing");
-    if (!chiaro_io_read_gltf(options->input, &read, &error))
+    if (!chiaro_io_read_gltf_dynamic(options->input, options->dynamic, options->dynamic_count, &read, &error))
         options_fail(options, CHIARO_EXIT_INPUT, "%s", error.message);
     if (read.clamped_materials && !options->quiet && !options->json)
         fprintf(stderr, "%s: %s: albedo of %u materials clamped to %.2f\n", options->program, options->input,

@@ -3,6 +3,7 @@
 #include "../src/io/io.h"
 #include "../src/reference/reference.h"
 #include "common/json.h"
+#include "common/objects.h"
 #include "common/options.h"
 #include "common/progress.h"
 
@@ -20,6 +21,7 @@ static const char help[] =
     "  --component full|punctual|indirect   which light (full)\n"
     "  --all PREFIX    all three: PREFIX.full.exr, PREFIX.punctual.exr, PREFIX.indirect.exr; then -o may be left out\n"
     "  --spp N         paths a pixel (64)\n"
+    "  --mask-out FILE.exr  1 where an object is seen, 0 elsewhere: for chiaro-compare --mask\n"
     "  --depth N       most reflections of a path, 1 is direct light only; 0 is no limit (0)\n"
     "With --json: scene, component, size, spp, depth, seed, noise_relrmse, noise_full, noise_indirect, rays,\n"
     "seconds.\n";
@@ -30,16 +32,18 @@ static const char *const component_names[CHIARO_COMPONENT_COUNT] = {"full", "pun
 typedef struct Job {
     SceneOptions options;
     ChiaroComponent component;
-    const char *prefix;
+    const char *prefix, *mask;
     uint32_t spp, depth;
 } Job;
 
 /* A scene from either kind of file, and what must be released with it. */
 typedef struct Input {
-    const ChiaroScene *scene;
+    const ChiaroScene *scene; /* with its objects, if it has any */
     ChiaroIoScene read;
     ChiaroIoFile file;
     ChiaroTransport transport;
+    SceneObjects objects;
+    MergedScene merged;
 } Input;
 
 static bool ends_with(const char *text, const char *end)
@@ -65,6 +69,8 @@ static Job take_options(int argc, char **argv)
             job.component = (ChiaroComponent)found;
         } else if (strcmp(argv[i], "--all") == 0) {
             job.prefix = options_text(options, argc, argv, &i);
+        } else if (strcmp(argv[i], "--mask-out") == 0) {
+            job.mask = options_text(options, argc, argv, &i);
         } else if (strcmp(argv[i], "--spp") == 0) {
             job.spp = options_uint(options, argc, argv, &i, 1, CHIARO_REFERENCE_MAX_SPP);
         } else if (strcmp(argv[i], "--depth") == 0) {
@@ -109,16 +115,29 @@ static void open_input(const SceneOptions *options, const ChiaroLog *log, Input 
     ChiaroIoError error;
     *input = (Input){0};
     bool baked = ends_with(options->input, ".chiaro");
+    if (baked && options->dynamic_count > 0)
+        options_fail(options, CHIARO_EXIT_USAGE, "--dynamic is for a glTF: a baked file holds no nodes");
     if (baked ? !chiaro_io_map(options->input, &input->file, &error)
-              : !chiaro_io_read_gltf(options->input, &input->read, &error))
+              : !chiaro_io_read_gltf_dynamic(options->input, options->dynamic, options->dynamic_count, &input->read,
+                                             &error))
         options_fail(options, CHIARO_EXIT_INPUT, "%s", error.message);
     if (baked && chiaro_transport_open(input->file.data, input->file.size, &input->transport, log) != CHIARO_OK)
         exit(CHIARO_EXIT_INPUT); /* the log has said why */
-    input->scene = baked ? &input->transport.scene : &input->read.scene;
+    const ChiaroScene *still = input->scene = baked ? &input->transport.scene : &input->read.scene;
+    input->merged.first_object_part = still->part_count;
+    objects_open(options, &input->read, &input->objects);
+    if (input->objects.count == 0)
+        return;
+    const double time = (double)options->time;
+    if (!objects_merge(&input->objects, still, &time, &input->merged))
+        options_fail(options, CHIARO_EXIT_INPUT, "out of memory");
+    input->scene = &input->merged.scene;
 }
 
 static void close_input(Input *input)
 {
+    objects_free_merged(&input->merged);
+    objects_close(&input->objects);
     if (input->file.data)
         chiaro_io_unmap(&input->file);
     else
@@ -162,6 +181,22 @@ static void write_pictures(const Job *job, const ChiaroReferenceImages *images)
         write_exr(job, job->options.output, images->pixels[job->component]);
 }
 
+static void write_mask(const Job *job, const ChiaroReferenceImages *images, uint32_t first_object_part)
+{
+    size_t count = (size_t)job->options.width * job->options.height;
+    float *pixels = calloc(count, 4 * sizeof *pixels);
+    if (!pixels)
+        options_fail(&job->options, CHIARO_EXIT_INPUT, "out of memory");
+    for (size_t i = 0; i < count; i++) {
+        bool object = images->parts[i] != CHIARO_NONE && images->parts[i] >= first_object_part;
+        for (size_t c = 0; c < 3; c++)
+            pixels[4 * i + c] = object ? 1.0f : 0.0f;
+        pixels[4 * i + 3] = 1;
+    }
+    write_exr(job, job->mask, pixels);
+    free(pixels);
+}
+
 static bool report(const Job *job, const ChiaroReferenceImages *images, double seconds)
 {
     const SceneOptions *options = &job->options;
@@ -199,6 +234,7 @@ int main(int argc, char **argv)
     ChiaroSky sky;
     check_folder(options, options->output);
     check_folder(options, job.prefix);
+    check_folder(options, job.mask);
     open_input(options, &log, &input);
 
     ChiaroReferenceDesc desc = {.width = options->width, .height = options->height, .spp = job.spp, .depth = job.depth,
@@ -222,6 +258,8 @@ int main(int argc, char **argv)
     if (result != CHIARO_OK)
         options_fail(options, CHIARO_EXIT_INPUT, "%s: %s", options->input, chiaro_result_text(result));
     write_pictures(&job, &images);
+    if (job.mask)
+        write_mask(&job, &images, input.merged.first_object_part);
     bool told = report(&job, &images, seconds);
     chiaro_reference_free_images(&images);
     chiaro_reference_destroy(reference);

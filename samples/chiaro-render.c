@@ -5,6 +5,7 @@
 #include "common/baked.h"
 #include "common/device.h"
 #include "common/json.h"
+#include "common/moving.h"
 #include "common/options.h"
 
 #include <math.h>
@@ -13,6 +14,9 @@
 #include <time.h>
 
 enum { WARM_UP_FRAMES = 2, MAX_FRAMES = 100000, FRAMES_A_TURN = 60, FEATURES = 32 };
+
+/* Objects are settled when so many updates in a row changed nothing: read-back and shadows take a few. */
+enum { SETTLED_FRAMES = 12, MOST_SETTLE_FRAMES = 100000 };
 
 /* A sun that is moved sways by this much. */
 #define SUN_SWAY 0.05f
@@ -28,20 +32,27 @@ static const char help[] =
     "  --rays R             of the bake: rays a receiver, 16 to 65536 (from the scene)\n"
     "  --frames N           frames that are timed, after two to warm up; the last one is written (1)\n"
     "  --move-lights R      moves every light on a circle of radius R, frame by frame; the last frame has them in place\n"
+    "  --time-step S        animations play: seconds from frame to frame, from --time on (0)\n"
+    "  --sway R             moves every object on a circle of radius R, frame by frame; the last frame has them in place\n"
+    "  --cubes N            environment cubes of objects that are painted a frame, 1 to 65536 (8)\n"
+    "  --cube-edge 4|6|8    texels across a face of theirs (4)\n"
+    "  --cube-format unorm8|half|shared   how they are stored (unorm8)\n"
     "  --exposure EV        of the PNG, stops (0)\n"
     "  --device N|NAME      which Vulkan device\n"
     "  --validate           with the Khronos validation layer; any message is a failure\n"
     "  --render-pass        a VkRenderPass even where dynamic rendering is present\n"
     "With --json: scene, device, driver, size, frames, frame_ms {median, p99}, update_ms {median, p99}, bake_s, links,\n"
-    "samples, receivers, gi_bytes, left_out.\n";
+    "samples, receivers, gi_bytes, left_out, and with objects: objects, object_bake_s, cubes, cubes_per_frame, cube_bytes,\n"
+    "object_bytes, settle_frames.\n";
 
 typedef struct Job {
     SceneOptions options;
     ChiaroBakeDesc bake;
     HostDesc host;
     ChiaroVulkanSettings settings;
+    MovingDesc moving;
     uint32_t frames;
-    float move, exposure;
+    float move, sway, step, exposure;
 } Job;
 
 typedef struct Timing {
@@ -56,8 +67,11 @@ typedef struct Run {
     ChiaroSky sky;
     ChiaroLight *lights, *moved;
     uint32_t light_count;
+    Moving moving;
     ChiaroVulkanDraw draw;
     double *frame_ms, *update_ms;
+    uint64_t cubes_painted;  /* in the frames that are timed */
+    uint32_t settle_frames; /* before them */
 } Run;
 
 static bool ends_with(const char *text, const char *end)
@@ -88,7 +102,8 @@ static uint32_t take_choice(const SceneOptions *options, int argc, char **argv, 
 
 static bool take_own(Job *job, int argc, char **argv, int *i)
 {
-    static const char *const components[3] = {"full", "punctual", "indirect"}, *const switches[2] = {"on", "off"};
+    static const char *const components[3] = {"full", "punctual", "indirect"}, *const switches[2] = {"on", "off"},
+                      *const edges[3] = {"4", "6", "8"}, *const formats[3] = {"unorm8", "half", "shared"};
     const SceneOptions *options = &job->options;
     const char *word = argv[*i];
     if (strcmp(word, "--component") == 0)
@@ -105,6 +120,16 @@ static bool take_own(Job *job, int argc, char **argv, int *i)
         job->frames = options_uint(options, argc, argv, i, 1, MAX_FRAMES);
     else if (strcmp(word, "--move-lights") == 0)
         job->move = options_float(options, argc, argv, i, 0, 1e6f);
+    else if (strcmp(word, "--time-step") == 0)
+        job->step = options_float(options, argc, argv, i, -1e6f, 1e6f);
+    else if (strcmp(word, "--sway") == 0)
+        job->sway = options_float(options, argc, argv, i, 0, 1e6f);
+    else if (strcmp(word, "--cubes") == 0)
+        job->moving.cubes = options_uint(options, argc, argv, i, 1, 65536);
+    else if (strcmp(word, "--cube-edge") == 0)
+        job->moving.edge = 4 + 2 * take_choice(options, argc, argv, i, edges, 3);
+    else if (strcmp(word, "--cube-format") == 0)
+        job->moving.format = take_choice(options, argc, argv, i, formats, 3);
     else if (strcmp(word, "--exposure") == 0)
         job->exposure = options_float(options, argc, argv, i, -64, 64);
     else if (strcmp(word, "--device") == 0)
@@ -138,6 +163,8 @@ static Job take_options(int argc, char **argv)
         options_fail(options, CHIARO_EXIT_USAGE, "--links, --samples and --rays are for a scene that is yet to be baked");
     job.bake.seed = (uint32_t)options->seed;
     job.bake.threads = (uint32_t)options->threads;
+    job.moving.seed = job.bake.seed;
+    job.moving.threads = job.bake.threads;
     return job;
 }
 
@@ -173,18 +200,54 @@ static void move_lights(const Job *job, Run *run, uint32_t frame, bool last)
     check_chiaro(job, run->api->lights_set(run->chiaro, run->moved, run->light_count));
 }
 
+static void move_objects(const Job *job, Run *run, uint32_t frame, uint32_t timed, bool last)
+{
+    float turn = 2 * CHIARO_PI * (float)(frame % FRAMES_A_TURN) / FRAMES_A_TURN;
+    double time = (double)job->options.time + (double)job->step * (double)timed;
+    moving_pose(&job->options, &run->moving, time, last ? 0 : job->sway, turn);
+}
+
+static ChiaroVulkanObjectStats object_stats(const Job *job, const Run *run)
+{
+    ChiaroVulkanObjectStats stats = {.struct_size = sizeof stats};
+    check_chiaro(job, run->api->object_stats(run->chiaro, &stats));
+    return stats;
+}
+
+static void record_update(const Job *job, Run *run)
+{
+    Host *host = &run->host;
+    ChiaroVulkanUpdate update = {.struct_size = sizeof update,
+                                 .command_buffer = host->commands,
+                                 .frame = host->frame,
+                                 .completed_frame = host->frame - 1};
+    check_chiaro(job, run->api->update(run->chiaro, &update));
+}
+
+/* Light between objects comes bounce by bounce: updates without a picture, until nothing changes any more. */
+static void settle(const Job *job, Run *run)
+{
+    ChiaroVulkanObjectStats stats;
+    if (run->moving.objects.count == 0)
+        return;
+    uint32_t still = 0;
+    do {
+        check_host(job, run, host_begin(&run->host));
+        record_update(job, run);
+        check_host(job, run, host_submit(&run->host));
+        stats = object_stats(job, run);
+        still = stats.cubes + stats.fading > 0 ? 0 : still + 1;
+    } while (still < SETTLED_FRAMES && ++run->settle_frames < MOST_SETTLE_FRAMES);
+}
+
 /* Records, submits and waits; the picture is read back after the clock has stopped. */
 static void render_frame(const Job *job, Run *run, bool last, double *frame_ms, double *update_ms)
 {
     Host *host = &run->host;
     double start = now();
     check_host(job, run, host_begin(host));
-    ChiaroVulkanUpdate update = {.struct_size = sizeof update,
-                                 .command_buffer = host->commands,
-                                 .frame = host->frame,
-                                 .completed_frame = host->frame - 1};
     host_timestamp(host, 0);
-    check_chiaro(job, run->api->update(run->chiaro, &update));
+    record_update(job, run);
     host_timestamp(host, 1);
     host_begin_pass(host);
     run->draw.command_buffer = host->commands;
@@ -212,20 +275,29 @@ static void load_scene(const Job *job, Run *run)
     check_host(job, run, host_submit(host));
     check_chiaro(job, run->api->lights_set(run->chiaro, run->lights, run->light_count));
     check_chiaro(job, run->api->sky_set(run->chiaro, run->sky.radiance ? &run->sky : NULL));
+    if (run->moving.objects.count == 0)
+        return;
+    check_host(job, run, host_begin(host));
+    check_chiaro(job, moving_load(&run->moving, run->api, run->chiaro, host->commands, host->frame));
+    check_host(job, run, host_submit(host));
 }
 
 static void render(const Job *job, Run *run)
 {
     uint32_t total = WARM_UP_FRAMES + job->frames;
+    settle(job, run);
     for (uint32_t i = 0; i < total; i++) {
         double frame_ms, update_ms;
         bool last = i + 1 == total;
         if (job->move > 0)
             move_lights(job, run, i, last);
+        if (job->sway > 0 || job->step != 0)
+            move_objects(job, run, i, i < WARM_UP_FRAMES ? 0 : i - WARM_UP_FRAMES, last);
         render_frame(job, run, last, &frame_ms, &update_ms);
         if (i >= WARM_UP_FRAMES) {
             run->frame_ms[i - WARM_UP_FRAMES] = frame_ms;
             run->update_ms[i - WARM_UP_FRAMES] = update_ms;
+            run->cubes_painted += object_stats(job, run).cubes;
         }
     }
 }
@@ -281,6 +353,18 @@ static void json_left_out(Json *json, const Run *run)
     fputc(']', json->file);
 }
 
+static void json_objects(Json *json, const Job *job, const Run *run)
+{
+    ChiaroVulkanObjectStats stats = object_stats(job, run);
+    json_number(json, "objects", stats.shown);
+    json_number(json, "object_bake_s", run->moving.seconds);
+    json_number(json, "cubes", chiaro_world_desc(run->moving.world)->cube_capacity);
+    json_number(json, "cubes_per_frame", (double)run->cubes_painted / job->frames);
+    json_number(json, "cube_bytes", (double)stats.cube_bytes);
+    json_number(json, "object_bytes", (double)stats.bytes);
+    json_number(json, "settle_frames", run->settle_frames);
+}
+
 static bool report(const Job *job, Run *run)
 {
     const SceneOptions *options = &job->options;
@@ -304,6 +388,8 @@ static bool report(const Job *job, Run *run)
         json_number(&json, "samples", transport->sample_count);
         json_number(&json, "receivers", transport->receiver_count);
         json_number(&json, "gi_bytes", (double)stats.gi_bytes);
+        if (run->moving.objects.count > 0)
+            json_objects(&json, job, run);
         json_left_out(&json, run);
         return json_end(&json);
     }
@@ -342,6 +428,7 @@ int main(int argc, char **argv)
     baked_open(options, &job.bake, &run.scene);
     if (!options_camera(options, &run.scene.transport.scene, &camera) || !options_sky(options, &run.sky))
         return CHIARO_EXIT_INPUT;
+    moving_open(options, &run.scene.read, &run.scene.transport, &job.moving, &run.moving);
     run.lights = options_lights(options, &run.scene.transport.scene, &run.light_count);
     run.moved = calloc(run.light_count + 1, sizeof *run.moved);
     run.frame_ms = calloc(job.frames, sizeof(double));
@@ -360,6 +447,7 @@ int main(int argc, char **argv)
 
     run.api->destroy(run.chiaro);
     host_destroy(&run.host);
+    moving_close(&run.moving);
     baked_close(&run.scene);
     free((void *)(uintptr_t)run.sky.radiance);
     free(run.lights);

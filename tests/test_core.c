@@ -528,7 +528,7 @@ static void a_flipped_bit_anywhere_is_found(void **state)
     ChiaroBlob blob = make_block(true);
     unsigned char *bytes = blob.data;
     assert_int_equal(open_copy(bytes, blob.size), CHIARO_OK);
-    size_t header = sizeof(ChiaroFileHeader), version = offsetof(ChiaroFileHeader, version);
+    size_t header = sizeof(ChiaroFileHeader), version = offsetof(ChiaroFileStart, version);
     for (size_t k = 0; k < 8 * header; k++) {
         bytes[k / 8] ^= (unsigned char)(1 << k % 8);
         ChiaroResult wanted = k / 8 >= version && k / 8 < version + 8 ? CHIARO_ERROR_VERSION : CHIARO_ERROR_DATA;
@@ -588,7 +588,7 @@ static void hear(ChiaroLogLevel level, ChiaroLogItem item, const char *message, 
 static void seal(ChiaroBlob *blob)
 {
     ChiaroFileHeader *header = blob->data;
-    header->checksum = chiaro_file_checksum(blob->data, blob->size);
+    header->start.checksum = chiaro_file_checksum(blob->data, blob->size);
 }
 
 static void another_version_is_named_as_such(void **state)
@@ -599,7 +599,7 @@ static void another_version_is_named_as_such(void **state)
     ChiaroTransport transport;
     Heard heard = {0};
     ChiaroLog log = {hear, &heard};
-    header->version = 77;
+    header->start.version = 77;
     seal(&blob);
     assert_int_equal(chiaro_transport_open(blob.data, blob.size, &transport, &log), CHIARO_ERROR_VERSION);
     assert_int_equal(heard.item, CHIARO_LOG_VERSION_MISMATCH);
@@ -662,7 +662,7 @@ static bool tell_lie(uint32_t number, ChiaroFileHeader *header, const ChiaroTran
     case 39: blocks[2].channels = 2; break;
     case 40: header->counts[0] = UINT64_MAX; break;
     case 41: header->counts[23] = UINT64_MAX - 63; break; /* bytes of pixels */
-    case 42: header->size += 64; break;
+    case 42: header->start.size += 64; break;
     case 43: blocks[0].first_share = UINT32_MAX; break;
     case 44: blocks[1].first_node = t->sample_links.node_count; break;
     case 45: header->counts[10] -= 1; break; /* blocks of the samples */

@@ -210,6 +210,17 @@ CHIARO_API ChiaroResult chiaro_sky_check(const ChiaroSky *sky);
  * @param rgb receives three floats. @thread_safety any thread. */
 CHIARO_API void chiaro_sky_radiance(const ChiaroSky *sky, const float direction[3], float rgb[3]);
 
+/** Takes the sun out of a sky: a spot of at most some 12 degrees about its centre that stands above its surroundings and
+ * gives a surface that faces it a notable share of its light: 2 %, and more the wider it is. Sky leaves
+ * (chiaro_sky_light) and links show no edges so sharp; a light of its own does.
+ * Nothing is lost: sun and rest together are the sky. An overcast sky has no sun; of several the strongest is taken.
+ * @param sky must have passed chiaro_sky_check().
+ * @param sun receives a CHIARO_LIGHT_SUN. @param radius receives its angular radius in radians: of an even disc that is
+ * spread alike. Both untouched if there is none.
+ * @param rest receives width * height * 3 floats, all of the sky if there is no sun; may be the sky's own image, or NULL.
+ * @return true if there is a sun. @thread_safety any thread. */
+CHIARO_API bool chiaro_sky_split(const ChiaroSky *sky, ChiaroLight *sun, float *radius, float *rest);
+
 /** One texel fetch as every part of Chiaro filters textures: bilinear in linear light, without mip maps.
  * @param rgba receives four linear floats. @thread_safety any thread. */
 CHIARO_API void chiaro_texture_sample(const ChiaroScene *scene, uint32_t texture, const float uv[2], float rgba[4]);
@@ -374,6 +385,8 @@ CHIARO_API void chiaro_tree_sum(const ChiaroTransport *transport, float *values)
 CHIARO_API void chiaro_links_gather(const ChiaroLinks *links, const float *values, float *irradiance);
 
 /** The whole update on the CPU: direct light, sky, tree, sample gather, tree, receiver gather.
+ * Direct light of `lights` is not in it, only what they bounce. To have it agree with the renderer where the sky has a
+ * sun, pass what chiaro_sky_split() makes: the sun among the lights, the rest as the sky.
  * @param scratch 3 * (node_count + sample_count) floats. @param irradiance receives 3 * receiver_count floats.
  * @thread_safety any thread. */
 CHIARO_API void chiaro_transport_update(const ChiaroTransport *transport, const ChiaroLight *lights,

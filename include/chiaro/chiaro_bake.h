@@ -1,11 +1,12 @@
 /* Chiaro: the baker. A scene goes in, one block of bytes comes out that chiaro_transport_open() reads in place.
+ * Things that move are baked one by one, for chiaro_object_open() (chiaro_world.h).
  *
  * The baker is a library of its own (libchiaro_bake): it needs Embree and threads, the run-time library does not.
  */
 #ifndef CHIARO_CHIARO_BAKE_H
 #define CHIARO_CHIARO_BAKE_H
 
-#include "chiaro.h"
+#include "chiaro_world.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -51,6 +52,30 @@ typedef struct ChiaroBlob {
  * @errors CHIARO_ERROR_ARGUMENT, _SCENE, _MEMORY, _INTERRUPTED.
  * @thread_safety any thread; several bakes may run at once. @lifetime the block is independent of the scene. */
 CHIARO_API ChiaroResult chiaro_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc, ChiaroBlob *blob);
+
+/** Zero means default. */
+typedef struct ChiaroBakeObjectDesc {
+    uint32_t struct_size; /**< sizeof(ChiaroBakeObjectDesc). */
+    uint32_t elements;    /**< About how many pieces the surface is cut into, 1 .. 4096. Default 48. */
+    uint32_t parts;       /**< Most environment cubes, 1 .. CHIARO_MAX_OBJECT_PARTS. Default: all of them. */
+    float part_size;      /**< What is longer gets a further cube, m; for where light changes over less than the length of
+                               the object. Default: only objects that are long for their volume get more than one. */
+    uint32_t rays;        /**< A vertex and an element, 16 .. CHIARO_MAX_RAYS. Default 512. */
+    float fade;           /**< A blocker so far away, m, counts half as much. Default: none fades, which is exact in
+                               even surroundings. */
+    uint32_t threads;     /**< Default: one a core. The result does not depend on it. */
+    uint32_t seed;
+    ChiaroLog log;
+} ChiaroBakeObjectDesc;
+
+/** Bakes an object that moves: what chiaro_object_open() reads in place. Same object, same description: same bytes,
+ * whatever the number of threads.
+ * @param scene the object alone, in its own space; lights and cameras are not read. A vertex keeps its number.
+ * @param desc settings; NULL: all defaults. @param blob receives the block; untouched on failure.
+ * @errors CHIARO_ERROR_ARGUMENT, _SCENE, _MEMORY.
+ * @thread_safety any thread; several bakes may run at once. @lifetime the block is independent of the scene. */
+CHIARO_API ChiaroResult chiaro_bake_object(const ChiaroScene *scene, const ChiaroBakeObjectDesc *desc,
+                                           ChiaroBlob *blob);
 
 /** Releases a block. An empty one is allowed. @thread_safety any thread. */
 CHIARO_API void chiaro_blob_free(ChiaroBlob *blob);

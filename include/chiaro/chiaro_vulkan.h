@@ -20,6 +20,11 @@
  * to one queue. All images are Chiaro's own; their layouts never concern the host. draw() leaves pipelines, descriptor
  * sets, push constants, vertex and index buffers, viewport and scissor changed.
  *
+ * Objects that move: chiaro_world_create() and chiaro_object_add(), then objects_load() and object_show(); from then on
+ * the host only calls chiaro_object_move(). update() follows the world: it repaints some cubes, uploads what changed,
+ * redraws the shadow maps that a moved object is in, and hands the light of the static scene back to the world as soon as
+ * the device has finished it. It never waits.
+ *
  * Frames: the host numbers its frames, rising from 1. What is no longer needed is freed in update(), as soon as the host
  * says that the last frame that used it has completed. update() and draw() of one frame go to one submission.
  *
@@ -32,14 +37,14 @@
 
 #include <vulkan/vulkan.h>
 
-#include "chiaro.h"
+#include "chiaro_world.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 /** Version of the table. It grows at its end only; a library serves every version up to its own. */
-#define CHIARO_VULKAN_API_VERSION 1u
+#define CHIARO_VULKAN_API_VERSION 2u
 
 #define CHIARO_MAX_LIGHTS 64u /**< Lights of non-zero intensity at a time. */
 #define CHIARO_REASON_SIZE 64u
@@ -139,6 +144,43 @@ typedef struct ChiaroVulkanBuffers {
     VkBuffer irradiance; /**< receiver_count values. */
 } ChiaroVulkanBuffers;
 
+/** The mesh of a baked object. */
+typedef struct ChiaroVulkanMesh {
+    uint32_t first_part, part_count; /**< Of the scene that holds all meshes. */
+    uint32_t first_vertex;           /**< Of that scene: the object's vertex 0. */
+    uint32_t reserved;
+    const ChiaroObject *object;      /**< As it was baked. Needed during the call only. */
+} ChiaroVulkanMesh;
+
+/** What objects_load() needs. Zero means default where a default is named. */
+typedef struct ChiaroVulkanObjects {
+    uint32_t struct_size; /**< sizeof(ChiaroVulkanObjects). */
+    uint32_t mesh_count;
+    const ChiaroVulkanMesh *meshes;
+    const ChiaroScene *scene; /**< All meshes, each in its own space, with their materials and textures. Needed during
+                               * the call only. */
+    ChiaroWorld *world; /**< Where the objects are; with the transport of the loaded scene, or with none. update() calls
+                         * chiaro_world_update() and chiaro_world_light(), sky_set() chiaro_world_sky(): in the thread
+                         * that uses the context. Must outlive the objects. */
+    ChiaroVisibleFunc visible; /**< Shadow test of light that objects pass on; NULL: no shadow. Called in update(). */
+    void *user;                /**< Of `visible`. */
+    uint32_t cubes;            /**< Repainted in an update, at most. Default 8. */
+    uint32_t reserved;
+    VkCommandBuffer command_buffer; /**< Recording, outside a render pass: gets the uploads. */
+    uint64_t frame;                 /**< The frame that the command buffer belongs to. */
+} ChiaroVulkanObjects;
+
+/** What objects are, and what they cost. */
+typedef struct ChiaroVulkanObjectStats {
+    uint32_t struct_size; /**< sizeof(ChiaroVulkanObjectStats), set by the caller. */
+    uint32_t shown;       /**< Objects. */
+    uint32_t cubes;       /**< Painted by the last update(). */
+    uint32_t fading;      /**< Cubes that still go over into what was painted last; 0 and `cubes` 0: all is settled. */
+    uint64_t cube_bytes;  /**< Device memory of cubes, with what fades. */
+    uint64_t upload_bytes; /**< Of cubes, by the last update(). */
+    uint64_t bytes;        /**< Device memory of everything that is for objects. */
+} ChiaroVulkanObjectStats;
+
 /** The table. Unless said otherwise: one thread at a time per context; a pointer is read during the call only. */
 typedef struct ChiaroVulkanApi {
     uint32_t struct_size; /**< sizeof of the library's table, which may be larger than the caller's. */
@@ -175,7 +217,9 @@ typedef struct ChiaroVulkanApi {
      * @thread_safety one thread per context. */
     ChiaroResult (*lights_set)(ChiaroVulkan *context, const ChiaroLight *lights, uint32_t count);
 
-    /** Sets the sky. May allocate. @param sky NULL: none; copied. On failure there is no sky.
+    /** Sets the sky. May allocate. Its sun (chiaro_sky_split) shines as one more light with a shadow map, beside
+     * CHIARO_MAX_LIGHTS, where bounce light is on; it counts as indirect light, as all light of the sky does.
+     * @param sky NULL: none; copied. On failure there is no sky.
      * @errors CHIARO_ERROR_ARGUMENT, _MEMORY, _DEVICE, _UNSUPPORTED. @thread_safety one thread per context. */
     ChiaroResult (*sky_set)(ChiaroVulkan *context, const ChiaroSky *sky);
 
@@ -206,6 +250,26 @@ typedef struct ChiaroVulkanApi {
      * @errors CHIARO_ERROR_ARGUMENT (struct_size). @thread_safety one thread per context.
      * @lifetime until the scene is loaded anew or unloaded. */
     ChiaroResult (*buffers)(const ChiaroVulkan *context, ChiaroVulkanBuffers *buffers);
+
+    /* Since version 2. */
+
+    /** Uploads the meshes of objects and follows a world; replaces those before, if any. May allocate. Needs a loaded
+     * scene. On failure there are no objects. Must be OUTSIDE a render pass.
+     * Turn bounce light off before if it is never wanted: then nothing of it is created for objects either.
+     * @errors CHIARO_ERROR_ARGUMENT, _SCENE, _MEMORY, _DEVICE, _UNSUPPORTED. @thread_safety one thread per context.
+     * @lifetime until objects_unload(), or until the scene is loaded anew or unloaded. */
+    ChiaroResult (*objects_load)(ChiaroVulkan *context, const ChiaroVulkanObjects *objects);
+
+    /** Lets all objects go; memory is freed by a later update(). @thread_safety one thread per context. */
+    void (*objects_unload)(ChiaroVulkan *context);
+
+    /** Shows an object of the world as a mesh, from the next update() on; one that the world removes is hidden.
+     * @param id its number in the world. @param mesh number in ChiaroVulkanObjects.meshes; CHIARO_NONE: hides it.
+     * @errors CHIARO_ERROR_ARGUMENT. @thread_safety one thread per context. */
+    ChiaroResult (*object_show)(ChiaroVulkan *context, uint32_t id, uint32_t mesh);
+
+    /** Numbers about objects. @errors CHIARO_ERROR_ARGUMENT (struct_size). @thread_safety one thread per context. */
+    ChiaroResult (*object_stats)(const ChiaroVulkan *context, ChiaroVulkanObjectStats *stats);
 } ChiaroVulkanApi;
 
 /** The table of functions, or NULL if the library is older than `version` or `version` is 0.

@@ -9,8 +9,6 @@
 
 #include "progress.h"
 
-enum { PATH_SIZE = 4096 };
-
 /* Two FNV-1a hashes over 64-bit words, side by side (Fowler, Noll, Vo): a name, not a seal. */
 typedef struct Hash {
     uint64_t a, b;
@@ -32,12 +30,12 @@ static void hash_bytes(Hash *hash, const void *data, size_t size)
 }
 
 /* Everything that the baker sees: so it does not matter from how many files it came. */
-static Hash hash_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc)
+static Hash hash_bake(const ChiaroScene *scene, const BakeKey *key)
 {
     Hash hash = {0xcbf29ce484222325u, 0x84222325cbf29ce4u};
-    const uint32_t settings[7] = {CHIARO_VERSION, CHIARO_BAKE_REVISION, desc->links, desc->samples,
-                                  desc->rays,     desc->receivers,      desc->seed};
-    hash_bytes(&hash, settings, sizeof settings);
+    const uint32_t version[2] = {CHIARO_VERSION, CHIARO_BAKE_REVISION};
+    hash_bytes(&hash, version, sizeof version);
+    hash_bytes(&hash, key, sizeof *key);
     hash_bytes(&hash, scene->vertices, scene->vertex_count * sizeof *scene->vertices);
     hash_bytes(&hash, scene->indices, scene->index_count * sizeof *scene->indices);
     hash_bytes(&hash, scene->parts, scene->part_count * sizeof *scene->parts);
@@ -49,11 +47,11 @@ static Hash hash_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc)
     return hash;
 }
 
-/* False: there is no place for a cache. */
-static bool cache_path(Hash hash, char path[PATH_SIZE])
+bool baked_cache_path(const ChiaroScene *scene, const BakeKey *key, char path[BAKED_PATH_SIZE])
 {
+    const Hash hash = hash_bake(scene, key);
     const char *cache = getenv("XDG_CACHE_HOME"), *home = getenv("HOME");
-    char folder[PATH_SIZE / 2];
+    char folder[BAKED_PATH_SIZE / 2];
     int length = cache && cache[0] == '/' ? snprintf(folder, sizeof folder, "%s", cache)
                  : home && home[0]        ? snprintf(folder, sizeof folder, "%s/.cache", home)
                                           : -1;
@@ -61,10 +59,10 @@ static bool cache_path(Hash hash, char path[PATH_SIZE])
         return false;
     if (mkdir(folder, 0700) != 0 && errno != EEXIST)
         return false;
-    length = snprintf(path, PATH_SIZE, "%s/chiaro", folder);
+    length = snprintf(path, BAKED_PATH_SIZE, "%s/chiaro", folder);
     if (mkdir(path, 0700) != 0 && errno != EEXIST)
         return false;
-    snprintf(path + length, PATH_SIZE - (size_t)length, "/%016llx%016llx.chiaro", (unsigned long long)hash.a,
+    snprintf(path + length, BAKED_PATH_SIZE - (size_t)length, "/%016llx%016llx.chiaro", (unsigned long long)hash.a,
              (unsigned long long)hash.b);
     return true;
 }
@@ -116,27 +114,29 @@ static void bake(const SceneOptions *options, const ChiaroBakeDesc *settings, co
 void baked_open(const SceneOptions *options, const ChiaroBakeDesc *desc, BakedScene *scene)
 {
     ChiaroIoError error;
-    ChiaroIoScene read;
     ChiaroLog log = {print_message, (void *)(uintptr_t)options};
-    char path[PATH_SIZE];
+    char path[BAKED_PATH_SIZE];
     size_t length = strlen(options->input);
     *scene = (BakedScene){0};
     if (length > 7 && strcmp(options->input + length - 7, ".chiaro") == 0) {
+        if (options->dynamic_count > 0)
+            options_fail(options, CHIARO_EXIT_USAGE, "--dynamic is for a glTF: a baked file holds no nodes");
         if (!chiaro_io_map(options->input, &scene->file, &error))
             options_fail(options, CHIARO_EXIT_INPUT, "%s", error.message);
         if (chiaro_transport_open(scene->file.data, scene->file.size, &scene->transport, &log) != CHIARO_OK)
             exit(CHIARO_EXIT_INPUT); /* the log has said why */
         return;
     }
-    if (!chiaro_io_read_gltf(options->input, &read, &error))
+    const ChiaroScene *still = &scene->read.scene;
+    if (!chiaro_io_read_gltf_dynamic(options->input, options->dynamic, options->dynamic_count, &scene->read, &error))
         options_fail(options, CHIARO_EXIT_INPUT, "%s", error.message);
-    bool cache = cache_path(hash_bake(&read.scene, desc), path);
+    const BakeKey key = {"scene", {desc->links, desc->samples, desc->rays, desc->receivers, desc->seed}};
+    bool cache = baked_cache_path(still, &key, path);
     if (!cache || !open_cached(path, scene)) {
-        bake(options, desc, &read.scene, scene);
+        bake(options, desc, still, scene);
         if (cache && !chiaro_io_write_file(path, scene->blob.data, scene->blob.size, &error) && !options->quiet)
             fprintf(stderr, "%s: %s\n", options->program, error.message);
     }
-    chiaro_io_free_scene(&read);
 }
 
 void baked_close(BakedScene *scene)
@@ -144,5 +144,6 @@ void baked_close(BakedScene *scene)
     if (scene->file.data)
         chiaro_io_unmap(&scene->file);
     chiaro_blob_free(&scene->blob);
+    chiaro_io_free_scene(&scene->read);
     *scene = (BakedScene){0};
 }

@@ -10,6 +10,7 @@ typedef struct BakedScene {
     ChiaroTransport transport;
     ChiaroIoFile file; /* either this is mapped ... */
     ChiaroBlob blob;   /* ... or this was just baked */
+    ChiaroIoScene read; /* the glTF, if it was one: its objects */
     double seconds;    /* that baking took; 0: it was there already */
 } BakedScene;
 
@@ -18,5 +19,16 @@ typedef struct BakedScene {
  * the settings and of the version. A cache that cannot be used is no error. Exits with one line if the input is bad. */
 void baked_open(const SceneOptions *options, const ChiaroBakeDesc *desc, BakedScene *scene);
 void baked_close(BakedScene *scene);
+
+enum { BAKED_PATH_SIZE = 4096 };
+
+/* What was asked of a bake. */
+typedef struct BakeKey {
+    char kind[8]; /* unused bytes 0 */
+    uint32_t settings[6];
+} BakeKey;
+
+/* Where in the cache the bake of a scene belongs. False: there is no place for a cache. */
+bool baked_cache_path(const ChiaroScene *scene, const BakeKey *key, char path[BAKED_PATH_SIZE]);
 
 #endif

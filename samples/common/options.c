@@ -26,6 +26,11 @@ static const char shared_help[] =
     "  --sun x,y,z,r,g,b       adds a sun: x,y,z points toward it, W/m^2; may be repeated\n"
     "  --no-scene-lights       leaves out the punctual lights of the file\n"
     "  --sky FILE.exr|r,g,b    sky: an equirectangular image, or one radiance\n"
+    "  --dynamic NAME|all      a node of the glTF, with what hangs on it, is an object; NAME may end in *;\n"
+    "                          all: every node with a mesh; may be repeated. Animated nodes always are objects\n"
+    "  --time T                the moment that is shown, seconds (0)\n"
+    "  --object NAME,x,y,z[,yaw]    puts an object somewhere, turned about +Y by degrees; may be repeated\n"
+    "  --add box|sphere,x,y,z,size  adds a grey object of this edge or diameter; may be repeated\n"
     "  --threads N             threads (one a core)\n"
     "  --seed S                seed of every random choice\n"
     "  --json                  one JSON object on stdout, nothing else\n"
@@ -142,6 +147,48 @@ static void take_light(SceneOptions *options, int argc, char **argv, int *index,
     options->lights[options->light_count++] = light;
 }
 
+/* NAME,x,y,z and one more number, which may be left out where `otherwise` is a number. */
+static PlacedObject take_object(const SceneOptions *options, int argc, char **argv, int *index, float otherwise)
+{
+    const char *option = argv[*index], *text = options_text(options, argc, argv, index), *comma = strchr(text, ',');
+    float v[4] = {0, 0, 0, otherwise};
+    bool named = comma && comma > text, good = named && parse_floats(comma + 1, v, 4);
+    if (!good && named && !isnan(otherwise)) {
+        v[3] = otherwise;
+        good = parse_floats(comma + 1, v, 3);
+    }
+    PlacedObject object = {.position = {v[0], v[1], v[2]}, .value = v[3]};
+    if (!good || (size_t)(comma - text) >= sizeof object.name)
+        options_fail(options, CHIARO_EXIT_USAGE, "%s wants a name and %s numbers with commas, not '%s'", option,
+                     isnan(otherwise) ? "4" : "3 or 4", text);
+    memcpy(object.name, text, (size_t)(comma - text));
+    return object;
+}
+
+static void take_dynamic(SceneOptions *options, int argc, char **argv, int *index)
+{
+    if (options->dynamic_count == MAX_DYNAMIC)
+        options_fail(options, CHIARO_EXIT_USAGE, "--dynamic more than %d times", MAX_DYNAMIC);
+    options->dynamic[options->dynamic_count++] = options_text(options, argc, argv, index);
+}
+
+static void take_placed(SceneOptions *options, int argc, char **argv, int *index)
+{
+    if (options->placed_count == MAX_PLACED)
+        options_fail(options, CHIARO_EXIT_USAGE, "--object more than %d times", MAX_PLACED);
+    options->placed[options->placed_count++] = take_object(options, argc, argv, index, 0);
+}
+
+static void take_added(SceneOptions *options, int argc, char **argv, int *index)
+{
+    if (options->added_count == MAX_ADDED)
+        options_fail(options, CHIARO_EXIT_USAGE, "--add more than %d times", MAX_ADDED);
+    PlacedObject added = take_object(options, argc, argv, index, NAN);
+    if ((strcmp(added.name, "box") != 0 && strcmp(added.name, "sphere") != 0) || !(added.value > 0))
+        options_fail(options, CHIARO_EXIT_USAGE, "--add wants a box or a sphere, and its size");
+    options->added[options->added_count++] = added;
+}
+
 bool options_take(SceneOptions *options, int argc, char **argv, int *index)
 {
     const char *word = argv[*index];
@@ -175,6 +222,14 @@ bool options_take(SceneOptions *options, int argc, char **argv, int *index)
         options->no_scene_lights = true;
     } else if (strcmp(word, "--sky") == 0) {
         options->sky = options_text(options, argc, argv, index);
+    } else if (strcmp(word, "--dynamic") == 0) {
+        take_dynamic(options, argc, argv, index);
+    } else if (strcmp(word, "--object") == 0) {
+        take_placed(options, argc, argv, index);
+    } else if (strcmp(word, "--add") == 0) {
+        take_added(options, argc, argv, index);
+    } else if (strcmp(word, "--time") == 0) {
+        options->time = options_float(options, argc, argv, index, -1e9f, 1e9f);
     } else if (strcmp(word, "--threads") == 0) {
         options->threads = (int)options_uint(options, argc, argv, index, 1, 1024);
     } else if (strcmp(word, "--seed") == 0) {

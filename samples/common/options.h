@@ -7,6 +7,15 @@
 /* Exit statuses of every program. */
 enum { CHIARO_EXIT_OK = 0, CHIARO_EXIT_INPUT = 1, CHIARO_EXIT_USAGE = 2, CHIARO_EXIT_DEVICE = 3 };
 
+enum { MAX_DYNAMIC = 16, MAX_PLACED = 64, MAX_ADDED = 64 };
+
+/* An object that stands where the options put it. */
+typedef struct PlacedObject {
+    char name[CHIARO_NAME_SIZE]; /* --object: of one of the scene's. --add: "box" or "sphere" */
+    float position[3];
+    float value; /* --object: turn about +Y, degrees. --add: edge or diameter, m */
+} PlacedObject;
+
 /* What the shared options said, before any file is opened. */
 typedef struct SceneOptions {
     const char *program, *usage; /* for messages and --help */
@@ -20,6 +29,10 @@ typedef struct SceneOptions {
     uint32_t light_count; /* --light and --sun, added to the file's lights */
     ChiaroLight lights[64];
     bool no_scene_lights; /* --no-scene-lights: only those of the command line */
+    const char *dynamic[MAX_DYNAMIC]; /* --dynamic: nodes that are objects */
+    uint32_t dynamic_count, placed_count, added_count;
+    PlacedObject placed[MAX_PLACED], added[MAX_ADDED]; /* --object, --add */
+    float time;                                        /* --time, seconds */
     bool json, quiet;
     int threads, seed; /* 0: default */
 } SceneOptions;

@@ -511,6 +511,17 @@ static float jitter(uint32_t *state)
     return (float)(*state >> 8) / 16777216.0f;
 }
 
+static void add_sphere(Builder *b, const UnitSphere *sphere, uint32_t material, Vec3 center, float radius)
+{
+    ChiaroVertex *vertices;
+    uint32_t *indices;
+    if (!add_shape(b, material, sphere->point_count, sphere->index_count, &vertices, &indices))
+        return;
+    for (uint32_t p = 0; p < sphere->point_count; p++)
+        set_vertex(&vertices[p], vec3_mad(center, sphere->point[p], radius), sphere->point[p]);
+    memcpy(indices, sphere->index, sphere->index_count * sizeof *indices);
+}
+
 static void make_spheres(Builder *b, const SceneRequest *request)
 {
     static const float palette[][3] = {{0.80f, 0.78f, 0.75f}, {0.70f, 0.12f, 0.10f}, {0.15f, 0.50f, 0.18f},
@@ -533,19 +544,12 @@ static void make_spheres(Builder *b, const SceneRequest *request)
     add_quad(b, ground, plane);
     for (int i = 0; i < SPHERES * SPHERES; i++) {
         char name[CHIARO_NAME_SIZE];
-        ChiaroVertex *vertices;
-        uint32_t *indices;
         float dx = jitter(&state) - 0.5f, dz = jitter(&state) - 0.5f;
         Vec3 center = vec3(((float)(i % SPHERES) - 4.5f + dx * 0.6f) * spacing, radius,
                            ((float)(i / SPHERES) - 4.5f + dz * 0.6f) * spacing);
         snprintf(name, sizeof name, "sphere_%02d", i);
         add_node(b, name, center);
-        if (!add_shape(b, (uint32_t)i % (uint32_t)COUNT(palette), sphere->point_count, sphere->index_count, &vertices,
-                       &indices))
-            break;
-        for (uint32_t p = 0; p < sphere->point_count; p++)
-            set_vertex(&vertices[p], vec3_mad(center, sphere->point[p], radius), sphere->point[p]);
-        memcpy(indices, sphere->index, sphere->index_count * sizeof *indices);
+        add_sphere(b, sphere, (uint32_t)i % (uint32_t)COUNT(palette), center, radius);
     }
     free(sphere);
     add_camera(b, "main", vec3(0, 13, 21), vec3(0, 0, 1), 0.7f);
@@ -589,6 +593,19 @@ static void free_builder(Builder *b)
     free(b);
 }
 
+/* Hands what was built over. */
+static void finish(Builder *b, TestScene *made)
+{
+    made->scene = (ChiaroScene){.vertices = b->sorted_vertices, .indices = b->sorted_indices, .parts = b->parts,
+                                .materials = b->materials, .lights = b->light_count ? &b->light : NULL,
+                                .cameras = b->cameras, .vertex_count = b->vertex_count, .index_count = b->index_count,
+                                .part_count = b->part_count, .material_count = b->material_count,
+                                .light_count = b->light_count, .camera_count = b->camera_count};
+    made->nodes = b->nodes;
+    made->node_count = b->node_count;
+    made->memory = b;
+}
+
 /* What does not fit, or NULL. */
 static const char *check_request(const Recipe *recipe, const SceneRequest *request)
 {
@@ -630,15 +647,41 @@ bool scenes_make(const char *name, const SceneRequest *request, TestScene *made,
         float intensity = b->light_count ? b->light.intensity[0] : 20;
         set_lamp(b, vec3_load(request->light), intensity);
     }
-    made->scene = (ChiaroScene){.vertices = b->sorted_vertices, .indices = b->sorted_indices, .parts = b->parts,
-                                .materials = b->materials, .lights = b->light_count ? &b->light : NULL,
-                                .cameras = b->cameras, .vertex_count = b->vertex_count, .index_count = b->index_count,
-                                .part_count = b->part_count, .material_count = b->material_count,
-                                .light_count = b->light_count, .camera_count = b->camera_count};
-    made->nodes = b->nodes;
-    made->node_count = b->node_count;
-    made->memory = b;
+    finish(b, made);
     return true;
+}
+
+static bool all_solid(Vec3 cell)
+{
+    (void)cell;
+    return true;
+}
+
+bool scenes_make_shape(const char *name, float size, TestScene *made)
+{
+    const float plane[2] = {-size / 2, size / 2};
+    const Grid box = {{2, 2, 2}, {plane, plane, plane}, false, all_solid, only_material};
+    bool round = strcmp(name, "sphere") == 0;
+    UnitSphere *sphere = malloc(sizeof *sphere);
+    Builder *b = calloc(1, sizeof *b);
+    *made = (TestScene){0};
+    if (b && sphere) {
+        add_material(b, 0.7f, 0.7f, 0.7f);
+        add_node(b, name, vec3(0, 0, 0));
+        make_unit_sphere(sphere);
+        if (round)
+            add_sphere(b, sphere, 0, vec3(0, 0, 0), size / 2);
+        else
+            add_grid(b, &box);
+        sort_into_parts(b);
+    }
+    bool good = b && sphere && !b->failed;
+    free(sphere);
+    if (good)
+        finish(b, made);
+    else if (b)
+        free_builder(b);
+    return good;
 }
 
 void scenes_free(TestScene *made)

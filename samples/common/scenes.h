@@ -28,4 +28,7 @@ const char *scenes_name(uint32_t index, const char **about);
 bool scenes_make(const char *name, const SceneRequest *request, TestScene *made, const char **fault);
 void scenes_free(TestScene *made);
 
+/* A grey thing about the origin, to be put into any scene: "box" of this edge, or "sphere" of this diameter. */
+bool scenes_make_shape(const char *name, float size, TestScene *made);
+
 #endif

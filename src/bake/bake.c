@@ -1,6 +1,5 @@
 /* The baker: its stages in order, its settings, its progress. */
 #include "../core/log.h"
-#include "../core/transport.h"
 #include "../offline/parallel.h"
 #include "bake.h"
 
@@ -18,7 +17,7 @@ bool chiaro_bake_progress(float done, void *user)
     return !baker->desc.progress || baker->desc.progress(baker->stage, whole, baker->desc.progress_user);
 }
 
-static uint32_t power_of_two(uint32_t n)
+uint32_t chiaro_bake_ray_count(uint32_t n)
 {
     uint32_t p = 16;
     while (p < n)
@@ -54,7 +53,7 @@ static void resolve_from_scene(Baker *baker)
         d->receivers = (uint32_t)fmin(MOST_RECEIVERS, fmax(LEAST_RECEIVERS, wanted));
     if (!d->rays)
         d->rays = wanted > MOST_RECEIVERS ? LARGE_SCENE_RAYS : DEFAULT_RAYS;
-    d->rays = power_of_two(d->rays);
+    d->rays = chiaro_bake_ray_count(d->rays);
     baker->sample_rays = d->rays / 2 < 16 ? 16 : d->rays / 2;
     baker->info.rays = d->rays;
     baker->info.links = d->links;
@@ -65,7 +64,7 @@ static void resolve_from_scene(Baker *baker)
     baker->info.degenerate_triangles = baker->patches.degenerate;
 }
 
-static void measure_bounds(Baker *baker)
+void chiaro_bake_bounds(Baker *baker)
 {
     for (int c = 0; c < 3; c++) {
         baker->info.bounds_min[c] = INFINITY, baker->info.bounds_max[c] = -INFINITY;
@@ -77,7 +76,7 @@ static void measure_bounds(Baker *baker)
     }
 }
 
-static void release(Baker *baker)
+void chiaro_bake_release(Baker *baker)
 {
     Patches *p = &baker->patches;
     void *all[] = {p->triangle_first, p->triangle_edge, p->small_leaf, p->leaf_small, p->leaf_first, p->small_triangle,
@@ -117,7 +116,7 @@ ChiaroResult chiaro_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc, C
     if (result == CHIARO_OK)
         result = chiaro_rays_create(scene, &baker.desc.log, &baker.rays);
     if (result == CHIARO_OK)
-        measure_bounds(&baker);
+        chiaro_bake_bounds(&baker);
     for (size_t s = 0; s < sizeof stages / sizeof *stages && result == CHIARO_OK; s++) {
         baker.stage = stages[s].name;
         baker.stage_begin = s ? stages[s - 1].end : 0, baker.stage_end = stages[s].end;
@@ -137,7 +136,7 @@ ChiaroResult chiaro_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc, C
                          (double)baker.info.fit_error, (double)baker.info.sample_fit_error);
     if (result == CHIARO_ERROR_MEMORY)
         chiaro_log_write(&baker.desc.log, CHIARO_LOG_ERROR, CHIARO_LOG_OUT_OF_MEMORY, "while baking %s", baker.stage);
-    release(&baker);
+    chiaro_bake_release(&baker);
     return result;
 }
 

@@ -11,6 +11,7 @@
 #ifndef CHIARO_BAKE_INTERNAL_H
 #define CHIARO_BAKE_INTERNAL_H
 
+#include "../core/transport.h"
 #include "../core/vec.h"
 #include "../offline/rays.h"
 #include "chiaro/chiaro_bake.h"
@@ -171,7 +172,16 @@ uint32_t chiaro_row_trace_sample(const Baker *baker, uint32_t sample, uint32_t r
 /* Fills rows [leaf_count, node_count) of a nodes x columns table with the weighted means of the leaves' rows. */
 void chiaro_bake_tree_sum(const Baker *baker, float *table, uint32_t columns);
 
+/* --- write.c --- */
+/* A block: a header, whose magic and version are set, and what the slots of the arrays point to. */
+ChiaroResult chiaro_bake_block(const ChiaroFileStart *header, size_t header_size, const ChiaroFileArray *arrays,
+                               uint32_t count, ChiaroBlob *blob);
+
 /* --- bake.c --- */
+/* The power of two that serves as a number of rays: n or a little more. */
+uint32_t chiaro_bake_ray_count(uint32_t n);
+void chiaro_bake_bounds(Baker *baker);
+void chiaro_bake_release(Baker *baker);
 /* For chiaro_parallel_for: tells the host how far the current stage is. */
 bool chiaro_bake_progress(float done, void *baker);
 

@@ -1,5 +1,4 @@
 /* The baked block, written: the mirror of chiaro_transport_open(). */
-#include "../core/transport.h"
 #include "bake.h"
 
 #include <stdlib.h>
@@ -9,6 +8,31 @@ static ChiaroLinks links_of(const LinkTable *table)
 {
     return (ChiaroLinks){table->blocks, table->nodes, table->weights, table->block_count, table->node_count,
                          table->weight_count};
+}
+
+ChiaroResult chiaro_bake_block(const ChiaroFileStart *header, size_t header_size, const ChiaroFileArray *arrays,
+                               uint32_t count, ChiaroBlob *blob)
+{
+    uint64_t size = chiaro_file_align(header_size);
+    for (uint32_t k = 0; k < count; k++)
+        size = chiaro_file_align(size + arrays[k].count * arrays[k].stride);
+    char *data = calloc(1, size);
+    if (!data)
+        return CHIARO_ERROR_MEMORY;
+    memcpy(data, header, header_size);
+    ChiaroFileStart *start = (ChiaroFileStart *)(void *)data;
+    start->endian = CHIARO_FILE_ENDIAN;
+    start->size = size;
+    uint64_t offset = chiaro_file_align(header_size);
+    for (uint32_t k = 0; k < count; k++) {
+        size_t bytes = arrays[k].count * arrays[k].stride;
+        if (bytes)
+            memcpy(data + offset, *arrays[k].slot, bytes);
+        offset = chiaro_file_align(offset + bytes);
+    }
+    start->checksum = chiaro_file_checksum(data, size);
+    *blob = (ChiaroBlob){data, size};
+    return CHIARO_OK;
 }
 
 ChiaroResult chiaro_bake_write(Baker *baker, ChiaroBlob *blob)
@@ -40,28 +64,10 @@ ChiaroResult chiaro_bake_write(Baker *baker, ChiaroBlob *blob)
         .part_count = baker->scene->part_count,
     };
     ChiaroFileArray arrays[CHIARO_FILE_ARRAYS];
+    ChiaroFileHeader header = {.info = baker->info};
     chiaro_file_arrays(&t, arrays);
-    uint64_t size = chiaro_file_align(sizeof(ChiaroFileHeader));
-    for (uint32_t k = 0; k < CHIARO_FILE_ARRAYS; k++)
-        size = chiaro_file_align(size + arrays[k].count * arrays[k].stride);
-    char *data = calloc(1, size);
-    if (!data)
-        return CHIARO_ERROR_MEMORY;
-    ChiaroFileHeader *header = (ChiaroFileHeader *)(void *)data;
-    memcpy(header->magic, CHIARO_FILE_MAGIC, sizeof header->magic);
-    header->version = CHIARO_FILE_VERSION;
-    header->endian = CHIARO_FILE_ENDIAN;
-    header->size = size;
-    header->info = baker->info;
-    chiaro_file_store_counts(&t, header->counts);
-    uint64_t offset = chiaro_file_align(sizeof *header);
-    for (uint32_t k = 0; k < CHIARO_FILE_ARRAYS; k++) {
-        size_t bytes = arrays[k].count * arrays[k].stride;
-        if (bytes)
-            memcpy(data + offset, *arrays[k].slot, bytes);
-        offset = chiaro_file_align(offset + bytes);
-    }
-    header->checksum = chiaro_file_checksum(data, size);
-    *blob = (ChiaroBlob){data, size};
-    return CHIARO_OK;
+    chiaro_file_store_counts(&t, header.counts);
+    header.start.version = CHIARO_FILE_VERSION;
+    memcpy(header.start.magic, CHIARO_FILE_MAGIC, sizeof header.start.magic);
+    return chiaro_bake_block(&header.start, sizeof header, arrays, CHIARO_FILE_ARRAYS, blob);
 }

@@ -34,14 +34,6 @@ float chiaro_sphere_form(const float point[3], const float normal[3], const floa
     return (float)fmax(0, form);
 }
 
-/* Lambert's formula: the irradiance of a polygon is a sum over its edges. Corners relative to the receiver. */
-static float edge_form(Vec3 normal, Vec3 a, Vec3 b)
-{
-    Vec3 cross = vec3_cross(a, b);
-    float length = vec3_length(cross);
-    return length > 0 ? atan2f(length, vec3_dot(a, b)) * vec3_dot(normal, cross) / length : 0;
-}
-
 float chiaro_disc_form(const float point[3], const float normal[3], const float center[3], const float disc_normal[3],
                        float radius)
 {
@@ -76,7 +68,7 @@ float chiaro_disc_form(const float point[3], const float normal[3], const float 
             out[count++] = corners[i];
         for (uint32_t k = 0; k < count; k++) {
             if (any)
-                sum += edge_form(n, last, out[k]);
+                sum += chiaro_edge_form(n, last, out[k]);
             else
                 first = out[k], any = true;
             last = out[k];
@@ -84,7 +76,7 @@ float chiaro_disc_form(const float point[3], const float normal[3], const float 
         before = corners[i];
     }
     if (any)
-        sum += edge_form(n, last, first);
+        sum += chiaro_edge_form(n, last, first);
     return fminf(1, fabsf(sum) / (2 * CHIARO_PI));
 }
 

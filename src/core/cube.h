@@ -23,6 +23,13 @@ static inline Vec3 chiaro_cube_direction(uint32_t face, float x, float y)
     }
 }
 
+/* x in 0 .. most; what is not a number becomes 0. In this form it is no call. */
+static inline float chiaro_cube_clamp(float x, float most)
+{
+    x = x > 0 ? x : 0;
+    return x < most ? x : most;
+}
+
 /* Number of the texel that a direction (not zero) falls into. */
 static inline uint32_t chiaro_cube_texel(Vec3 d, uint32_t edge)
 {
@@ -35,9 +42,9 @@ static inline uint32_t chiaro_cube_texel(Vec3 d, uint32_t edge)
     else
         face = d.z > 0 ? 4 : 5, m = az, x = d.z > 0 ? d.x : -d.x, y = -d.y;
     float last = (float)(edge - 1);
-    /* The zero vector divides to NaN, which fmaxf turns into 0. */
-    uint32_t i = (uint32_t)fminf(last, fmaxf(0, (x / m + 1) / 2 * (float)edge));
-    uint32_t j = (uint32_t)fminf(last, fmaxf(0, (y / m + 1) / 2 * (float)edge));
+    /* The zero vector divides to NaN. */
+    uint32_t i = (uint32_t)chiaro_cube_clamp((x / m + 1) / 2 * (float)edge, last);
+    uint32_t j = (uint32_t)chiaro_cube_clamp((y / m + 1) / 2 * (float)edge, last);
     return (face * edge + j) * edge + i;
 }
 

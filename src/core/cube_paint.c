@@ -175,6 +175,8 @@ void chiaro_cube_splat(const ChiaroCubeKernel *kernel, const float direction[3],
 /* A background while it is gathered. Doubles: a bright sun and millions of dim pixels. */
 typedef struct Gather {
     double sum[CHIARO_CUBE_MAX_TEXELS][3], weight[CHIARO_CUBE_MAX_TEXELS];
+    double way[CHIARO_CUBE_MAX_TEXELS][3], square[CHIARO_CUBE_MAX_TEXELS]; /* of directions */
+    double moment[CHIARO_CUBE_MAX_TEXELS][3][3];                           /* of channels with directions */
 } Gather;
 
 static void gather_radiance(const ChiaroCubeKernel *kernel, Vec3 d, double angle, const float rgb[3], Gather *gather)
@@ -182,9 +184,17 @@ static void gather_radiance(const ChiaroCubeKernel *kernel, Vec3 d, double angle
     ChiaroCubeTaps taps = chiaro_cube_taps(kernel, d);
     for (uint32_t k = 0; k < 4; k++) {
         double weight = angle * (double)taps.weight[k];
-        gather->weight[taps.texel[k]] += weight;
-        for (uint32_t c = 0; c < 3; c++)
-            gather->sum[taps.texel[k]][c] += weight * (double)rgb[c];
+        uint32_t t = taps.texel[k];
+        float way[3];
+        vec3_store(way, d);
+        gather->weight[t] += weight;
+        for (uint32_t c = 0; c < 3; c++) {
+            gather->sum[t][c] += weight * (double)rgb[c];
+            gather->way[t][c] += weight * (double)way[c];
+            gather->square[t] += weight * (double)(way[c] * way[c]);
+            for (uint32_t axis = 0; axis < 3; axis++)
+                gather->moment[t][c][axis] += weight * (double)(rgb[c] * way[axis]);
+        }
     }
 }
 
@@ -198,11 +208,10 @@ static void finish_gather(const ChiaroCubeKernel *kernel, const Gather *gather, 
     }
 }
 
-void chiaro_cube_sky(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, float *radiance)
+static void gather_sky(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, Gather *gather)
 {
     static const double pi = 3.14159265358979323846;
-    Gather gather;
-    memset(&gather, 0, sizeof gather);
+    memset(gather, 0, sizeof *gather);
     uint32_t rows = !sky ? 0 : sky->height > LEAST_ROWS ? sky->height : LEAST_ROWS;
     uint32_t columns = sky && sky->width > 2 * LEAST_ROWS ? sky->width : 2 * LEAST_ROWS;
     bool pixels = sky && rows == sky->height && columns == sky->width;
@@ -216,10 +225,41 @@ void chiaro_cube_sky(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, float
                 memcpy(rgb, sky->radiance + 3 * ((size_t)j * columns + i), sizeof rgb);
             else
                 chiaro_sky_radiance(sky, d, rgb);
-            gather_radiance(kernel, vec3_load(d), upper - lower, rgb, &gather);
+            gather_radiance(kernel, vec3_load(d), upper - lower, rgb, gather);
         }
     }
+}
+
+void chiaro_cube_sky(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, float *radiance)
+{
+    Gather gather;
+    gather_sky(kernel, sky, &gather);
     finish_gather(kernel, &gather, radiance);
+}
+
+void chiaro_cube_sky_slope(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, float *radiance,
+                           ChiaroCubeSlope *slopes)
+{
+    Gather g;
+    gather_sky(kernel, sky, &g);
+    finish_gather(kernel, &g, radiance);
+    for (uint32_t t = 0; t < kernel->texel_count; t++) {
+        ChiaroCubeSlope *slope = &slopes[t];
+        memset(slope, 0, sizeof *slope);
+        if (!(g.weight[t] > 0))
+            continue;
+        double mean[3], spread = g.square[t] / g.weight[t];
+        for (uint32_t c = 0; c < 3; c++) {
+            mean[c] = g.way[t][c] / g.weight[t], spread -= mean[c] * mean[c];
+            slope->mean[c] = (float)mean[c];
+        }
+        /* Least squares; the tent is as wide one way as the other, and flat. */
+        for (uint32_t c = 0; c < 3 && spread > 0; c++) {
+            for (uint32_t axis = 0; axis < 3; axis++)
+                slope->slope[c][axis] =
+                    (float)((g.moment[t][c][axis] - g.sum[t][c] * mean[axis]) / g.weight[t] / (spread / 2));
+        }
+    }
 }
 
 void chiaro_cube_background(const ChiaroCubeKernel *kernel, ChiaroRadianceFunc func, void *user, uint32_t samples,

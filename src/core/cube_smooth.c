@@ -148,3 +148,22 @@ void chiaro_cube_smooth_texel(const ChiaroCubeKernel *kernel, uint32_t texel, co
         }
     }
 }
+
+/* A parabola over a cell of width h lies h^2 / 12 of its second derivative below its chord, on average, in each
+ * direction: so much is what differences of neighbours tell. */
+void chiaro_cube_sharpen(const ChiaroCubeKernel *kernel, float *texels)
+{
+    float before[CUBE_LANES * CHIARO_CUBE_MAX_TEXELS];
+    uint32_t row = kernel->edge + 2;
+    memcpy(before, texels, kernel->texel_count * CUBE_LANES * sizeof(float));
+    for (uint32_t t = 0; t < kernel->texel_count; t++) {
+        uint32_t face = t / (kernel->edge * kernel->edge), i = t % kernel->edge, j = t / kernel->edge % kernel->edge;
+        const uint16_t *rim = kernel->rim + ((size_t)face * row + j + 1) * row + i + 1;
+        const float *left = before + CUBE_LANES * rim[-1], *right = before + CUBE_LANES * rim[1];
+        const float *above = before + CUBE_LANES * *(rim - row), *below = before + CUBE_LANES * rim[row];
+        for (uint32_t c = 0; c < CUBE_LANES; c++) {
+            float bend = left[c] + right[c] + above[c] + below[c] - 4 * before[CUBE_LANES * t + c];
+            texels[CUBE_LANES * t + c] -= bend / 12;
+        }
+    }
+}

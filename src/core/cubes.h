@@ -55,9 +55,9 @@ static inline ChiaroCubeTaps chiaro_cube_taps(const ChiaroCubeKernel *kernel, Ve
     else
         face = d.z > 0 ? 4 : 5, major = az;
     float scale = edge / (2 * major), middle = edge / 2 + 0.5f;
-    /* Counted from the centre of the rim's first texel. The zero vector divides to NaN, which fmaxf turns into 0. */
-    float x = fminf(edge + 0.5f, fmaxf(0, middle + scale * vec3_dot(vec3_load(kernel->axes[face][0]), d)));
-    float y = fminf(edge + 0.5f, fmaxf(0, middle + scale * vec3_dot(vec3_load(kernel->axes[face][1]), d)));
+    /* Counted from the centre of the rim's first texel. The zero vector divides to NaN. */
+    float x = chiaro_cube_clamp(middle + scale * vec3_dot(vec3_load(kernel->axes[face][0]), d), edge + 0.5f);
+    float y = chiaro_cube_clamp(middle + scale * vec3_dot(vec3_load(kernel->axes[face][1]), d), edge + 0.5f);
     uint32_t i = (uint32_t)x, j = (uint32_t)y, row = kernel->edge + 2;
     float s = x - (float)i, t = y - (float)j;
     const uint16_t *rim = kernel->rim + ((size_t)face * row + j) * row + i;
@@ -76,6 +76,20 @@ static inline ChiaroCubeTaps chiaro_cube_taps(const ChiaroCubeKernel *kernel, Ve
     }
     return taps;
 }
+
+/* How a background changes within a texel: by slope[channel] . (direction - mean), in the least-squares sense. */
+typedef struct ChiaroCubeSlope {
+    float mean[3]; /* direction, not normalised */
+    float slope[3][3];
+} ChiaroCubeSlope;
+
+/* chiaro_cube_sky(), and how it changes. */
+void chiaro_cube_sky_slope(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, float *radiance,
+                           ChiaroCubeSlope *slopes);
+
+/* Moves texels that are right at their centres so that a bilinear look-up is right on average: between
+ * centres it cuts the corners of what is curved. */
+void chiaro_cube_sharpen(const ChiaroCubeKernel *kernel, float *texels);
 
 /* The matrix that smoothing multiplies with, row by row, texel_count squared doubles: for tests. */
 void chiaro_cube_kernel_matrix(const ChiaroCubeKernel *kernel, double *matrix);

@@ -517,7 +517,7 @@ static void build_node(Build *build, uint32_t first, uint32_t count, Truth *trut
     choose_form(build, node, truth);
 }
 
-static bool check_element(const ChiaroElement *e)
+bool chiaro_element_sound(const ChiaroElement *e)
 {
     for (uint32_t c = 0; c < 3; c++) {
         if (!(fabsf(e->position[c]) <= 1e9f) || !(e->albedo[c] >= 0 && e->albedo[c] <= 1))
@@ -541,7 +541,7 @@ ChiaroResult chiaro_primitives_build(const ChiaroElement *elements, uint32_t ele
         (uintptr_t)memory % _Alignof(ChiaroPrimitive))
         return CHIARO_ERROR_ARGUMENT;
     for (uint32_t i = 0; i < element_count; i++) {
-        if (!check_element(&elements[i]))
+        if (!chiaro_element_sound(&elements[i]))
             return CHIARO_ERROR_ARGUMENT;
     }
     ChiaroPrimitive *nodes = memory;

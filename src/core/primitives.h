@@ -2,6 +2,7 @@
 #ifndef CHIARO_PRIMITIVES_INTERNAL_H
 #define CHIARO_PRIMITIVES_INTERNAL_H
 
+#include "chiaro/chiaro_primitives.h"
 #include "vec.h"
 
 /* A mean normal as long as that is a plate's: the rest is rounding. */
@@ -24,6 +25,17 @@ static inline float chiaro_cone_sine(float flatness)
 static inline float chiaro_cone_facing(float x, float sine)
 {
     return x >= sine ? fmaxf(0, x) : x > -sine ? (x + sine) * (x + sine) / (4 * sine) : 0;
+}
+
+/* Finite, of unit normal, with an albedo in range. */
+bool chiaro_element_sound(const ChiaroElement *element);
+
+/* Lambert's formula: the irradiance of a polygon is a sum over its edges. Corners relative to the receiver. */
+static inline float chiaro_edge_form(Vec3 normal, Vec3 a, Vec3 b)
+{
+    Vec3 cross = vec3_cross(a, b);
+    float length = vec3_length(cross);
+    return length > 0 ? atan2f(length, vec3_dot(a, b)) * vec3_dot(normal, cross) / length : 0;
 }
 
 #endif

@@ -84,7 +84,7 @@ uint64_t chiaro_file_checksum(const void *data, size_t size)
 {
     /* FNV-1a over 64-bit words, with a shift so that high bits reach low ones. */
     uint64_t sum = 0xcbf29ce484222325u;
-    size_t begin = offsetof(ChiaroFileHeader, checksum) + sizeof(uint64_t);
+    size_t begin = offsetof(ChiaroFileStart, checksum) + sizeof(uint64_t);
     for (size_t i = begin; i + 8 <= size; i += 8) {
         uint64_t word;
         memcpy(&word, (const char *)data + i, 8);
@@ -94,9 +94,7 @@ uint64_t chiaro_file_checksum(const void *data, size_t size)
     return sum;
 }
 
-static bool fault(const ChiaroLog *log, const char *format, ...) __attribute__((format(printf, 2, 3)));
-
-static bool fault(const ChiaroLog *log, const char *format, ...)
+bool chiaro_file_fault(const ChiaroLog *log, const char *format, ...)
 {
     char text[256];
     va_list arguments;
@@ -107,7 +105,7 @@ static bool fault(const ChiaroLog *log, const char *format, ...)
     return false;
 }
 
-static bool all_finite(const float *values, size_t count)
+bool chiaro_file_finite(const float *values, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
         if (!isfinite(values[i]))
@@ -120,7 +118,7 @@ static bool nodes_sound(const ChiaroTransport *t, const ChiaroLog *log)
 {
     if (t->leaf_count != (uint64_t)t->sample_count + t->sky_count || t->node_count < t->leaf_count ||
         t->small_node_end < t->leaf_count || t->small_node_end > t->node_count)
-        return fault(log, "counts of samples, leaves and nodes do not agree");
+        return chiaro_file_fault(log, "counts of samples, leaves and nodes do not agree");
     for (uint32_t n = 0; n < t->node_count; n++) {
         const ChiaroNode *node = &t->nodes[n];
         bool leaf = n < t->leaf_count;
@@ -128,7 +126,7 @@ static bool nodes_sound(const ChiaroTransport *t, const ChiaroLog *log)
         if ((uint64_t)node->first + node->count > t->leaf_count || node->count == 0 || node->source_count == 0 ||
             (uint64_t)node->source_first + node->source_count > below || node->left >= t->node_count ||
             node->right >= t->node_count || !(node->area >= 0) || !isfinite(node->area))
-            return fault(log, "node %u points outside the tree", n);
+            return chiaro_file_fault(log, "node %u points outside the tree", n);
     }
     return true;
 }
@@ -138,14 +136,14 @@ static bool sky_sound(const ChiaroTransport *t, const ChiaroLog *log)
 {
     bool seen[CHIARO_SKY_TEXELS] = {false};
     if (t->sky_count != 0 && t->sky_count != CHIARO_SKY_TEXELS)
-        return fault(log, "a sky of %u leaves is not known", t->sky_count);
+        return chiaro_file_fault(log, "a sky of %u leaves is not known", t->sky_count);
     for (uint32_t s = 0; s < t->sky_count; s++) {
         const float *direction = t->sky_directions + 4 * (size_t)s;
-        if (!all_finite(direction, 4))
-            return fault(log, "sky leaf %u has numbers that are not finite", s);
+        if (!chiaro_file_finite(direction, 4))
+            return chiaro_file_fault(log, "sky leaf %u has numbers that are not finite", s);
         uint32_t texel = chiaro_cube_texel(vec3_load(direction), CHIARO_SKY_EDGE);
         if (seen[texel])
-            return fault(log, "two sky leaves share a texel");
+            return chiaro_file_fault(log, "two sky leaves share a texel");
         seen[texel] = true;
     }
     return true;
@@ -156,16 +154,16 @@ static bool samples_sound(const ChiaroTransport *t, const ChiaroLog *log)
     for (uint32_t s = 0; s < t->sample_count; s++) {
         const ChiaroSample *sample = &t->samples[s];
         if ((uint64_t)sample->first_point + sample->point_count > t->point_count)
-            return fault(log, "sample %u has points that do not exist", s);
+            return chiaro_file_fault(log, "sample %u has points that do not exist", s);
         for (int c = 0; c < 3; c++) {
             if (!(sample->albedo[c] >= 0 && sample->albedo[c] <= 1) || !(sample->emission[c] >= 0) ||
                 !isfinite(sample->emission[c]))
-                return fault(log, "sample %u has an impossible colour", s);
+                return chiaro_file_fault(log, "sample %u has an impossible colour", s);
         }
     }
-    return (all_finite((const float *)t->points, (size_t)t->point_count * 8) &&
-            all_finite(t->leaf_weights, t->leaf_count)) ||
-           fault(log, "points or leaves hold numbers that are not finite");
+    return (chiaro_file_finite((const float *)t->points, (size_t)t->point_count * 8) &&
+            chiaro_file_finite(t->leaf_weights, t->leaf_count)) ||
+           chiaro_file_fault(log, "points or leaves hold numbers that are not finite");
 }
 
 static bool links_sound(const ChiaroTransport *t, const ChiaroLinks *links, uint32_t rows, const char *of,
@@ -178,40 +176,78 @@ static bool links_sound(const ChiaroTransport *t, const ChiaroLinks *links, uint
                      block->rank <= CHIARO_BLOCK_RANK && (block->channels == 1 || block->channels == 3);
         if (!small || block->first_row != next ||
             (uint64_t)block->first_node + block->node_count > links->node_count ||
-            (uint64_t)block->first_weight + (uint64_t)block->channels * block->rank * block->node_count > links->weight_count ||
+            (uint64_t)block->first_weight + (uint64_t)block->channels * block->rank * block->node_count >
+                links->weight_count ||
             (uint64_t)block->first_share + (uint64_t)block->rank * block->row_count > links->weight_count)
-            return fault(log, "block %u of the links of %s is out of range", b, of);
+            return chiaro_file_fault(log, "block %u of the links of %s is out of range", b, of);
         next += block->row_count;
     }
     if (next != rows)
-        return fault(log, "the links of %s serve %llu of %u", of, (unsigned long long)next, rows);
+        return chiaro_file_fault(log, "the links of %s serve %llu of %u", of, (unsigned long long)next, rows);
     for (uint32_t k = 0; k < links->node_count; k++) {
         if (links->nodes[k] >= t->node_count)
-            return fault(log, "a link of %s points outside the tree", of);
+            return chiaro_file_fault(log, "a link of %s points outside the tree", of);
     }
-    return all_finite(links->weights, links->weight_count) ||
-           fault(log, "the links of %s hold weights that are not finite", of);
+    return chiaro_file_finite(links->weights, links->weight_count) ||
+           chiaro_file_fault(log, "the links of %s hold weights that are not finite", of);
 }
 
 static bool mesh_sound(const ChiaroTransport *t, const ChiaroLog *log)
 {
     if (t->part_count != t->scene.part_count)
-        return fault(log, "the drawn mesh and the scene differ in parts");
+        return chiaro_file_fault(log, "the drawn mesh and the scene differ in parts");
     for (uint32_t p = 0; p < t->part_count; p++) {
         if ((uint64_t)t->parts[p].first_index + t->parts[p].index_count > t->index_count ||
             t->parts[p].index_count % 3 != 0 || t->parts[p].material >= t->scene.material_count)
-            return fault(log, "part %u of the drawn mesh is out of range", p);
+            return chiaro_file_fault(log, "part %u of the drawn mesh is out of range", p);
     }
     for (uint32_t i = 0; i < t->index_count; i++) {
         if (t->indices[i] >= t->vertex_count)
-            return fault(log, "an index of the drawn mesh is out of range");
+            return chiaro_file_fault(log, "an index of the drawn mesh is out of range");
     }
     for (uint32_t v = 0; v < t->vertex_count; v++) {
         if (t->vertex_receivers[v] >= t->receiver_count)
-            return fault(log, "vertex %u has no receiver", v);
+            return chiaro_file_fault(log, "vertex %u has no receiver", v);
     }
-    return all_finite((const float *)t->vertices, (size_t)t->vertex_count * (sizeof *t->vertices / sizeof(float))) ||
-           fault(log, "the drawn mesh holds numbers that are not finite");
+    size_t numbers = (size_t)t->vertex_count * (sizeof *t->vertices / sizeof(float));
+    return chiaro_file_finite((const float *)t->vertices, numbers) ||
+           chiaro_file_fault(log, "the drawn mesh holds numbers that are not finite");
+}
+
+ChiaroResult chiaro_file_check(const void *data, size_t size, const char *magic, uint32_t version, size_t header,
+                               const ChiaroLog *log)
+{
+    const ChiaroFileStart *start = data;
+    if (size < header || memcmp(start->magic, magic, sizeof start->magic) != 0) {
+        chiaro_file_fault(log, "not a baked file");
+        return CHIARO_ERROR_DATA;
+    }
+    if (start->endian != CHIARO_FILE_ENDIAN || start->version != version) {
+        chiaro_log_write(log, CHIARO_LOG_ERROR, CHIARO_LOG_VERSION_MISMATCH, "file version %u, this library reads %u",
+                         start->version, version);
+        return CHIARO_ERROR_VERSION;
+    }
+    if (start->size != size) {
+        chiaro_file_fault(log, "%zu bytes long instead of %llu: truncated", size, (unsigned long long)start->size);
+        return CHIARO_ERROR_DATA;
+    }
+    if (start->checksum != chiaro_file_checksum(data, size)) {
+        chiaro_file_fault(log, "the checksum does not match: damaged");
+        return CHIARO_ERROR_DATA;
+    }
+    return CHIARO_OK;
+}
+
+bool chiaro_file_place(const void *data, size_t size, size_t header, const ChiaroFileArray *arrays, uint32_t count)
+{
+    uint64_t offset = chiaro_file_align(header);
+    for (uint32_t k = 0; k < count; k++) {
+        if (arrays[k].count > (size - (offset < size ? offset : size)) / arrays[k].stride)
+            return false;
+        *arrays[k].slot = (const char *)data + offset;
+        offset = chiaro_file_align(offset + arrays[k].count * arrays[k].stride);
+    }
+    return offset == size;
 }
 
 ChiaroResult chiaro_transport_open(const void *data, size_t size, ChiaroTransport *transport, const ChiaroLog *log)
@@ -219,36 +255,16 @@ ChiaroResult chiaro_transport_open(const void *data, size_t size, ChiaroTranspor
     const ChiaroFileHeader *header = data;
     if (!data || !transport || (uintptr_t)data % 16 != 0)
         return CHIARO_ERROR_ARGUMENT;
-    if (size < sizeof *header || memcmp(header->magic, CHIARO_FILE_MAGIC, sizeof header->magic) != 0) {
-        fault(log, "not a baked file");
-        return CHIARO_ERROR_DATA;
-    }
-    if (header->endian != CHIARO_FILE_ENDIAN || header->version != CHIARO_FILE_VERSION) {
-        chiaro_log_write(log, CHIARO_LOG_ERROR, CHIARO_LOG_VERSION_MISMATCH, "file version %u, this library reads %d",
-                         header->version, CHIARO_FILE_VERSION);
-        return CHIARO_ERROR_VERSION;
-    }
-    if (header->size != size) {
-        fault(log, "%zu bytes long instead of %llu: truncated", size, (unsigned long long)header->size);
-        return CHIARO_ERROR_DATA;
-    }
-    if (header->checksum != chiaro_file_checksum(data, size)) {
-        fault(log, "the checksum does not match: damaged");
-        return CHIARO_ERROR_DATA;
-    }
+    ChiaroResult result = chiaro_file_check(data, size, CHIARO_FILE_MAGIC, CHIARO_FILE_VERSION, sizeof *header, log);
+    if (result != CHIARO_OK)
+        return result;
     ChiaroTransport t = {.info = header->info};
     ChiaroFileArray arrays[CHIARO_FILE_ARRAYS];
     bool sound = chiaro_file_load_counts(&t, header->counts);
-    uint64_t offset = chiaro_file_align(sizeof *header);
     if (sound)
         chiaro_file_arrays(&t, arrays);
-    for (uint32_t k = 0; sound && k < CHIARO_FILE_ARRAYS; k++) {
-        sound = arrays[k].count <= (size - (offset < size ? offset : size)) / arrays[k].stride;
-        *arrays[k].slot = (const char *)data + (sound ? offset : 0);
-        offset = chiaro_file_align(offset + arrays[k].count * arrays[k].stride);
-    }
-    if (!sound || offset != size) {
-        fault(log, "the sizes of its parts do not add up");
+    if (!sound || !chiaro_file_place(data, size, sizeof *header, arrays, CHIARO_FILE_ARRAYS)) {
+        chiaro_file_fault(log, "the sizes of its parts do not add up");
         return CHIARO_ERROR_DATA;
     }
     if (!nodes_sound(&t, log) || !sky_sound(&t, log) || !samples_sound(&t, log) ||

@@ -11,10 +11,15 @@
 #define CHIARO_FILE_MAGIC "CHIARO\r\n"
 enum { CHIARO_FILE_VERSION = 2, CHIARO_FILE_ENDIAN = 0x01020304, CHIARO_FILE_ALIGNMENT = 64, CHIARO_FILE_COUNTS = 24 };
 
-typedef struct ChiaroFileHeader {
+/* What every block begins with. */
+typedef struct ChiaroFileStart {
     char magic[8];
     uint32_t version, endian;
     uint64_t size, checksum;
+} ChiaroFileStart;
+
+typedef struct ChiaroFileHeader {
+    ChiaroFileStart start;
     uint64_t counts[CHIARO_FILE_COUNTS];
     ChiaroTransportInfo info;
 } ChiaroFileHeader;
@@ -41,5 +46,16 @@ uint64_t chiaro_file_align(uint64_t offset);
 /* Checksum of a block of `size` bytes (a multiple of 8), header included. */
 uint64_t chiaro_file_checksum(const void *data, size_t size);
 
+/* Is this a whole and undamaged block of this kind, with a header of so many bytes? The log says what is wrong. */
+ChiaroResult chiaro_file_check(const void *data, size_t size, const char *magic, uint32_t version, size_t header,
+                               const ChiaroLog *log);
+
+/* Points the slots of the arrays into a block. False: they do not fill it exactly. */
+bool chiaro_file_place(const void *data, size_t size, size_t header, const ChiaroFileArray *arrays, uint32_t count);
+
+/* Logs what is wrong with a block; returns false. */
+bool chiaro_file_fault(const ChiaroLog *log, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+bool chiaro_file_finite(const float *values, size_t count);
 
 #endif

@@ -1,9 +1,11 @@
-/* glTF in: a file becomes flat arrays in world space. This and gltf_access.cpp, the shim around tinygltf, are the only
- * C++ of the project, so that nothing else has to be.
+/* glTF in: a file becomes flat arrays, in world space what stays, in a space of its own each object. This, the shim
+ * around tinygltf (gltf_access.cpp) and the reader of animations (gltf_animation.cpp) are the only C++ of the project, so
+ * that nothing else has to be.
  *
  * What a file means for diffuse light: metal is a rough reflector of its base colour, alpha MASK cuts holes, alpha
  * BLEND counts as opaque (light through glass is not diffuse), skins and morphs rest in bind pose. */
-#include "gltf_access.h"
+#include "gltf_animation.h"
+#include "gltf_transform.h"
 #include "io_error.h"
 
 #include <algorithm>
@@ -22,106 +24,23 @@ const double max_coordinate = 1e9;          /* As chiaro_scene_check() has it. *
 const float no_material_albedo = 0.7f;
 
 /* ------------------------------------------------------------------------------------------------------------------
- * Transforms, in double so that deep hierarchies do not wear positions out
- */
-
-struct Vector {
-    double x, y, z;
-};
-
-Vector operator-(Vector a, Vector b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-Vector operator*(Vector a, double s) { return {a.x * s, a.y * s, a.z * s}; }
-double dot(Vector a, Vector b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Vector cross(Vector a, Vector b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
-double length(Vector a) { return std::sqrt(dot(a, a)); }
-bool finite(Vector a) { return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z); }
-Vector load_vector(const float *v) { return {double(v[0]), double(v[1]), double(v[2])}; }
-
-/* False for the zero vector and for what is not finite. */
-bool store_unit(float *out, Vector v)
-{
-    double size = length(v);
-    if (!(size > DBL_MIN) || !std::isfinite(size))
-        return false;
-    out[0] = float(v.x / size);
-    out[1] = float(v.y / size);
-    out[2] = float(v.z / size);
-    return true;
-}
-
-/* Columns of an affine transform. */
-struct Transform {
-    Vector x{1, 0, 0}, y{0, 1, 0}, z{0, 0, 1}, origin{0, 0, 0};
-
-    Vector direction(Vector v) const
-    {
-        return {x.x * v.x + y.x * v.y + z.x * v.z, x.y * v.x + y.y * v.y + z.y * v.z,
-                x.z * v.x + y.z * v.y + z.z * v.z};
-    }
-    Vector point(Vector v) const
-    {
-        Vector d = direction(v);
-        return {d.x + origin.x, d.y + origin.y, d.z + origin.z};
-    }
-    double determinant() const { return dot(cross(x, y), z); }
-    /* Cofactors: what the inverse transpose gives, also where there is no inverse; the sign follows the determinant. */
-    Vector normal(Vector n) const
-    {
-        Vector a = cross(y, z), b = cross(z, x), c = cross(x, y);
-        Vector v = Transform{a, b, c, {0, 0, 0}}.direction(n);
-        return determinant() < 0 ? v * -1 : v;
-    }
-};
-
-Transform operator*(const Transform &a, const Transform &b)
-{
-    return {a.direction(b.x), a.direction(b.y), a.direction(b.z), a.point(b.origin)};
-}
-
-void expect_length(const std::vector<double> &values, size_t wanted, int node, const char *what)
-{
-    if (!values.empty() && values.size() != wanted)
-        fail("node %d has a %s of %zu numbers", node, what, values.size());
-}
-
-Transform local_transform(const tinygltf::Node &node, int index)
-{
-    Transform t;
-    expect_length(node.matrix, 16, index, "matrix");
-    expect_length(node.translation, 3, index, "translation");
-    expect_length(node.rotation, 4, index, "rotation");
-    expect_length(node.scale, 3, index, "scale");
-    if (!node.matrix.empty()) {
-        const double *m = node.matrix.data();
-        t = {{m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}, {m[12], m[13], m[14]}};
-    } else {
-        if (!node.rotation.empty()) {
-            double qx = node.rotation[0], qy = node.rotation[1], qz = node.rotation[2], qw = node.rotation[3];
-            double s = 2 / (qx * qx + qy * qy + qz * qz + qw * qw); /* Forgives a quaternion that is not unit. */
-            t.x = {1 - s * (qy * qy + qz * qz), s * (qx * qy + qz * qw), s * (qx * qz - qy * qw)};
-            t.y = {s * (qx * qy - qz * qw), 1 - s * (qx * qx + qz * qz), s * (qy * qz + qx * qw)};
-            t.z = {s * (qx * qz + qy * qw), s * (qy * qz - qx * qw), 1 - s * (qx * qx + qy * qy)};
-        }
-        if (!node.scale.empty()) {
-            t.x = t.x * node.scale[0];
-            t.y = t.y * node.scale[1];
-            t.z = t.z * node.scale[2];
-        }
-        if (!node.translation.empty())
-            t.origin = {node.translation[0], node.translation[1], node.translation[2]};
-    }
-    return t;
-}
-
-/* ------------------------------------------------------------------------------------------------------------------
  * The importer
  */
 
-/* What ChiaroIoScene::memory points to. */
-struct Storage {
+struct Mesh {
     std::vector<ChiaroVertex> vertices;
     std::vector<uint32_t> indices;
     std::vector<ChiaroPart> parts;
+};
+
+/* What ChiaroIoScene::memory points to. */
+struct Storage {
+    Mesh still;
+    std::vector<Mesh> moving; /* One for each of `objects`. */
+    std::vector<ChiaroIoObject> objects;
+    std::vector<ChiaroIoJoint> joints;
+    std::vector<ChiaroIoChannel> channels;
+    FloatArrays arrays;
     std::vector<ChiaroMaterial> materials;
     std::vector<ChiaroTexture> textures;
     std::vector<uint8_t> pixels;
@@ -150,7 +69,8 @@ struct Attributes {
 
 class Importer {
 public:
-    Importer(const tinygltf::Model &source, Storage &target) : model(source), out(target)
+    Importer(const tinygltf::Model &source, const std::vector<std::string> &dynamic, Storage &target)
+        : model(source), out(target), names(dynamic), name_used(dynamic.size())
     {
         surfaces.resize(model.materials.size());
         texture_index.resize(model.textures.size(), CHIARO_NONE);
@@ -159,14 +79,13 @@ public:
 
     void run()
     {
-        struct Visit {
-            int node;
-            Transform parent;
-        };
         std::vector<bool> seen(model.nodes.size());
         std::vector<Visit> stack;
-        for (int root : roots())
-            stack.push_back({root, Transform()});
+        channels_of = read_animations(model, &out.arrays);
+        for (int root : roots()) {
+            stack.emplace_back();
+            stack.back().node = root;
+        }
         std::reverse(stack.begin(), stack.end());
         while (!stack.empty()) {
             Visit visit = stack.back();
@@ -175,15 +94,27 @@ public:
             if (seen[size_t(visit.node)])
                 fail("node %d has two parents or is its own ancestor", visit.node);
             seen[size_t(visit.node)] = true;
-            Transform world = visit.parent * local_transform(node, visit.node);
-            if (!finite(world.x) || !finite(world.y) || !finite(world.z) || !finite(world.origin))
+            Transform local = local_transform(node, visit.node), before = visit.below_joint;
+            visit.world = visit.world * local;
+            visit.below_joint = before * local;
+            if (!finite(visit.world.x) || !finite(visit.world.y) || !finite(visit.world.z) ||
+                !finite(visit.world.origin))
                 fail("node %d has a transform that is not finite", visit.node);
-            take_node(node, visit.node, world);
-            for (size_t i = node.children.size(); i > 0; i--)
-                stack.push_back({node.children[i - 1], world});
+            begin_object(node, before, &visit);
+            take_node(node, visit);
+            for (size_t i = node.children.size(); i > 0; i--) {
+                stack.push_back(visit);
+                stack.back().node = node.children[i - 1];
+            }
         }
-        if (out.indices.empty())
-            fail(degenerate ? "all its triangles are without area" : "holds no triangles");
+        for (size_t i = 0; i < names.size(); i++)
+            if (!name_used[i])
+                fail("has no node named '%s'", names[i].c_str());
+        drop_empty_objects();
+        if (out.still.indices.empty())
+            fail(degenerate              ? "all its triangles are without area"
+                 : out.objects.empty() ? "holds no triangles"
+                                       : "holds nothing that stays in its place");
     }
 
     uint32_t clamped = 0, degenerate = 0;
@@ -194,8 +125,21 @@ private:
         uint64_t first_byte;
     };
 
+    /* A node on the way down: transforms are those of its parent at first, then its own. */
+    struct Visit {
+        int node = -1;
+        Transform world, below_joint, joint_world; /* At rest; since the nearest joint; of that joint. */
+        uint32_t joint = CHIARO_NONE, object = CHIARO_NONE;
+        Transform into; /* From the world at rest to the object's space. */
+        bool flat = false; /* There is no way back from the joint. */
+    };
+
     const tinygltf::Model &model;
     Storage &out;
+    const std::vector<std::string> &names; /* Of nodes that are objects although nothing moves them. */
+    std::vector<bool> name_used;
+    std::vector<std::vector<ChiaroIoChannel>> channels_of; /* By node. */
+    Mesh *mesh_out = nullptr; /* Where triangles go now. */
     std::vector<Surface> surfaces;       /* By glTF material; index CHIARO_NONE: not met yet. */
     std::vector<uint32_t> texture_index; /* By glTF texture. */
     std::vector<Pixels> image_pixels;    /* By glTF image; width 0: not decoded yet. */
@@ -221,12 +165,85 @@ private:
         return list;
     }
 
-    void take_node(const tinygltf::Node &node, int index, const Transform &world)
+    /* ---- objects ---- */
+
+    bool is_named(const tinygltf::Node &node)
     {
+        bool named = false;
+        for (size_t i = 0; i < names.size(); i++) {
+            const std::string &name = names[i];
+            bool star = !name.empty() && name.back() == '*';
+            bool match = name == "all"  ? node.mesh != -1
+                         : star         ? node.name.compare(0, name.size() - 1, name, 0, name.size() - 1) == 0
+                                        : node.name == name;
+            if (match)
+                named = name_used[i] = true;
+        }
+        return named;
+    }
+
+    /* A node that moves by itself is a joint, and begins an object; so does one that is named. */
+    void begin_object(const tinygltf::Node &node, const Transform &before, Visit *visit)
+    {
+        const std::vector<ChiaroIoChannel> &channels = channels_of[size_t(visit->node)];
+        if (!channels.empty()) {
+            Local rest = local_parts(node, visit->node);
+            ChiaroIoJoint joint = {visit->joint, uint32_t(out.channels.size()), uint32_t(channels.size()),
+                                   to_plain(before), {}, {}, {}};
+            std::copy(rest.translation, rest.translation + 3, joint.translation);
+            std::copy(rest.rotation, rest.rotation + 4, joint.rotation);
+            std::copy(rest.scale, rest.scale + 3, joint.scale);
+            visit->joint = uint32_t(out.joints.size());
+            visit->below_joint = Transform();
+            visit->joint_world = visit->world;
+            visit->flat = !(std::fabs(visit->world.determinant()) > DBL_MIN);
+            for (ChiaroIoChannel channel : channels) {
+                channel.joint = visit->joint;
+                out.channels.push_back(channel);
+            }
+            out.joints.push_back(joint);
+        }
+        bool named = is_named(node);
+        if (!named && channels.empty())
+            return;
+        /* The object's space keeps the axes and the size that it has at rest, so that most transforms are rigid. */
+        Transform place{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, visit->world.origin};
+        ChiaroIoObject object = {};
+        copy_name(object.name, node.name.empty() ? "node " + std::to_string(visit->node) : node.name);
+        object.joint = visit->joint;
+        bool rides = visit->joint != CHIARO_NONE && !visit->flat;
+        object.after = to_plain(rides ? visit->joint_world.inverse() * place : place);
+        visit->into = place.inverse();
+        visit->object = uint32_t(out.objects.size());
+        out.objects.push_back(object);
+        out.moving.emplace_back();
+    }
+
+    void drop_empty_objects()
+    {
+        size_t kept = 0;
+        for (size_t i = 0; i < out.objects.size(); i++) {
+            if (out.moving[i].indices.empty())
+                continue;
+            std::swap(out.moving[kept], out.moving[i]);
+            out.objects[kept++] = out.objects[i];
+        }
+        out.objects.resize(kept);
+        out.moving.resize(kept);
+    }
+
+    void take_node(const tinygltf::Node &node, const Visit &visit)
+    {
+        int index = visit.node;
+        const Transform &world = visit.world;
         if (node.mesh != -1) {
+            bool moves = visit.object != CHIARO_NONE;
+            if (moves && visit.flat)
+                fail("node %d moves, and has no volume at rest", index);
             const tinygltf::Mesh &mesh = element(model.meshes, node.mesh, "mesh");
+            mesh_out = moves ? &out.moving[visit.object] : &out.still;
             for (const tinygltf::Primitive &primitive : mesh.primitives)
-                take_primitive(primitive, node.mesh, world);
+                take_primitive(primitive, node.mesh, moves ? visit.into * world : world);
         }
         if (node.camera != -1)
             take_camera(node, index, world);
@@ -520,13 +537,13 @@ private:
             return; /* Points and lines have no surface. */
         Surface surface = take_material(primitive.material);
         Attributes attributes = read_attributes(primitive, mesh, surface);
-        uint32_t first = uint32_t(out.indices.size());
+        uint32_t first = uint32_t(mesh_out->indices.size());
         add_triangles(attributes, surface, world, mesh);
-        uint32_t count = uint32_t(out.indices.size()) - first;
+        uint32_t count = uint32_t(mesh_out->indices.size()) - first;
         if (count == 0)
             return;
-        uint32_t number = uint32_t(out.parts.size());
-        out.parts.push_back({first, count, surface.index, surface.two_sided ? number + 1 : CHIARO_NONE});
+        uint32_t number = uint32_t(mesh_out->parts.size());
+        mesh_out->parts.push_back({first, count, surface.index, surface.two_sided ? number + 1 : CHIARO_NONE});
         if (surface.two_sided)
             add_other_side(number);
     }
@@ -619,20 +636,20 @@ private:
                 degenerate++;
                 continue;
             }
-            if (out.indices.size() + 6 > max_indices || out.vertices.size() + 6 > max_indices)
+            if (mesh_out->indices.size() + 6 > max_indices || mesh_out->vertices.size() + 6 > max_indices)
                 fail("has more than %zu triangles", max_indices / 3);
             for (uint32_t c : corner) {
                 ChiaroVertex vertex = vertices[c];
                 if (a.normal.count && number[c] != CHIARO_NONE) {
-                    out.indices.push_back(number[c]);
+                    mesh_out->indices.push_back(number[c]);
                     continue;
                 }
                 /* Flat where the file gives no normal, or one of no length. */
                 if (std::fabs(vertex.normal[0]) + std::fabs(vertex.normal[1]) + std::fabs(vertex.normal[2]) == 0)
                     std::copy(normal, normal + 3, vertex.normal);
-                number[c] = uint32_t(out.vertices.size());
-                out.indices.push_back(number[c]);
-                out.vertices.push_back(vertex);
+                number[c] = uint32_t(mesh_out->vertices.size());
+                mesh_out->indices.push_back(number[c]);
+                mesh_out->vertices.push_back(vertex);
             }
         }
     }
@@ -683,23 +700,23 @@ private:
     /* The same triangles seen from behind. */
     void add_other_side(uint32_t front)
     {
-        const ChiaroPart part = out.parts[front];
-        uint32_t first = uint32_t(out.indices.size());
-        if (out.indices.size() + part.index_count > max_indices)
+        const ChiaroPart part = mesh_out->parts[front];
+        uint32_t first = uint32_t(mesh_out->indices.size());
+        if (mesh_out->indices.size() + part.index_count > max_indices)
             fail("has more than %zu triangles", max_indices / 3);
         /* The part's vertices are its own, and lie together. */
-        auto range = std::minmax_element(out.indices.begin() + part.first_index, out.indices.end());
-        uint32_t low = *range.first, high = *range.second, shift = uint32_t(out.vertices.size()) - low;
+        auto range = std::minmax_element(mesh_out->indices.begin() + part.first_index, mesh_out->indices.end());
+        uint32_t low = *range.first, high = *range.second, shift = uint32_t(mesh_out->vertices.size()) - low;
         for (uint32_t i = low; i <= high; i++) {
-            ChiaroVertex vertex = out.vertices[i];
+            ChiaroVertex vertex = mesh_out->vertices[i];
             for (float &n : vertex.normal)
                 n = -n;
-            out.vertices.push_back(vertex);
+            mesh_out->vertices.push_back(vertex);
         }
         for (uint32_t i = 0; i < part.index_count; i += 3)
             for (uint32_t c : {0u, 2u, 1u})
-                out.indices.push_back(out.indices[part.first_index + i + c] + shift);
-        out.parts.push_back({first, part.index_count, part.material, front});
+                mesh_out->indices.push_back(mesh_out->indices[part.first_index + i + c] + shift);
+        mesh_out->parts.push_back({first, part.index_count, part.material, front});
     }
 };
 
@@ -712,27 +729,31 @@ void keep_message(ChiaroLogLevel, ChiaroLogItem, const char *message, void *user
     *static_cast<std::string *>(user) = message;
 }
 
-/* Points the plain arrays at what the storage holds. */
-ChiaroScene view_of(const Storage &storage)
+/* Points the plain arrays at what the storage holds: `mesh`, and what all meshes share. */
+ChiaroScene view_of(const Storage &storage, const Mesh &mesh)
 {
     ChiaroScene scene = {};
-    scene.vertices = storage.vertices.data();
-    scene.indices = storage.indices.data();
-    scene.parts = storage.parts.data();
+    scene.vertices = mesh.vertices.data();
+    scene.indices = mesh.indices.data();
+    scene.parts = mesh.parts.data();
     scene.materials = storage.materials.data();
     scene.textures = storage.textures.data();
     scene.pixels = storage.pixels.data();
-    scene.lights = storage.lights.data();
-    scene.cameras = storage.cameras.data();
     scene.pixel_bytes = storage.pixels.size();
-    scene.vertex_count = uint32_t(storage.vertices.size());
-    scene.index_count = uint32_t(storage.indices.size());
-    scene.part_count = uint32_t(storage.parts.size());
+    scene.vertex_count = uint32_t(mesh.vertices.size());
+    scene.index_count = uint32_t(mesh.indices.size());
+    scene.part_count = uint32_t(mesh.parts.size());
     scene.material_count = uint32_t(storage.materials.size());
     scene.texture_count = uint32_t(storage.textures.size());
-    scene.light_count = uint32_t(storage.lights.size());
-    scene.camera_count = uint32_t(storage.cameras.size());
     return scene;
+}
+
+void check(const ChiaroScene &scene)
+{
+    std::string message;
+    const ChiaroLog log = {keep_message, &message};
+    if (chiaro_scene_check(&scene, &log) != CHIARO_OK)
+        fail("%s", message.c_str());
 }
 
 /* Keeps a mapping for as long as it is in use, whatever is thrown. */
@@ -741,31 +762,47 @@ struct Mapped {
     ~Mapped() { chiaro_io_unmap(&file); }
 };
 
-void import(const char *path, const ChiaroIoFile &file, ChiaroIoScene *scene)
+void import(const char *path, const ChiaroIoFile &file, const std::vector<std::string> &dynamic, ChiaroIoScene *scene)
 {
     tinygltf::Model model;
     auto storage = std::make_unique<Storage>();
     parse(path, file, &model);
-    Importer importer(model, *storage);
+    Importer importer(model, dynamic, *storage);
     importer.run();
-    ChiaroScene flat = view_of(*storage);
-    std::string message;
-    const ChiaroLog log = {keep_message, &message};
-    if (chiaro_scene_check(&flat, &log) != CHIARO_OK)
-        fail("%s", message.c_str());
-    *scene = {flat, importer.clamped, importer.degenerate, storage.release()};
+    ChiaroScene flat = view_of(*storage, storage->still);
+    flat.lights = storage->lights.data();
+    flat.light_count = uint32_t(storage->lights.size());
+    flat.cameras = storage->cameras.data();
+    flat.camera_count = uint32_t(storage->cameras.size());
+    check(flat);
+    for (size_t i = 0; i < storage->objects.size(); i++) {
+        storage->objects[i].scene = view_of(*storage, storage->moving[i]);
+        check(storage->objects[i].scene);
+    }
+    *scene = {flat,
+              storage->objects.data(),
+              storage->joints.data(),
+              storage->channels.data(),
+              uint32_t(storage->objects.size()),
+              uint32_t(storage->joints.size()),
+              uint32_t(storage->channels.size()),
+              importer.clamped,
+              importer.degenerate,
+              nullptr};
+    scene->memory = storage.release();
 }
 
 } // namespace
 
-extern "C" bool chiaro_io_read_gltf(const char *path, ChiaroIoScene *scene, ChiaroIoError *error)
+extern "C" bool chiaro_io_read_gltf_dynamic(const char *path, const char *const *names, uint32_t name_count,
+                                            ChiaroIoScene *scene, ChiaroIoError *error)
 {
     *scene = {};
     try {
         Mapped mapped;
         if (!chiaro_io_map(path, &mapped.file, error))
             return false;
-        import(path, mapped.file, scene);
+        import(path, mapped.file, std::vector<std::string>(names, names + name_count), scene);
         return true;
     } catch (const Fault &fault) {
         return chiaro_io_fail(error, path, "%s", fault.text.c_str());
@@ -774,6 +811,11 @@ extern "C" bool chiaro_io_read_gltf(const char *path, ChiaroIoScene *scene, Chia
     } catch (const std::exception &fault) {
         return chiaro_io_fail(error, path, "cannot be read as glTF: %s", fault.what());
     }
+}
+
+extern "C" bool chiaro_io_read_gltf(const char *path, ChiaroIoScene *scene, ChiaroIoError *error)
+{
+    return chiaro_io_read_gltf_dynamic(path, nullptr, 0, scene, error);
 }
 
 extern "C" void chiaro_io_free_scene(ChiaroIoScene *scene)

@@ -163,8 +163,10 @@ static void trace_pixel(Picture *picture, uint32_t pixel, uint64_t *rays)
         set_pixel(picture, CHIARO_COMPONENT_FULL, pixel, vec3_load(sky), 0);
         set_pixel(picture, CHIARO_COMPONENT_PUNCTUAL, pixel, black, 0);
         set_pixel(picture, CHIARO_COMPONENT_INDIRECT, pixel, black, 0);
+        picture->images->parts[pixel] = CHIARO_NONE;
         return;
     }
+    picture->images->parts[pixel] = hit.part;
     Place place = path_place(world, hit.part, hit.triangle, hit.u, hit.v, hit.normal);
     Vec3 punctual = vec3_mul(place.albedo, path_punctual(world, &place, rays));
     uint64_t key = chiaro_random_mix(chiaro_random_mix(desc->seed) + pixel);
@@ -304,7 +306,8 @@ ChiaroResult chiaro_reference_render(const ChiaroReference *reference, const Chi
                        .squares = calloc(pixels, sizeof(float)),
                        .right = vec3_cross(vec3_load(desc->camera.forward), vec3_load(desc->camera.up)),
                        .tangent = tanf(0.5f * desc->camera.yfov)};
-    bool good = picture.squares;
+    images->parts = malloc(pixels * sizeof *images->parts);
+    bool good = picture.squares && images->parts;
     for (uint32_t i = 0; i < CHIARO_COMPONENT_COUNT; i++) {
         images->pixels[i] = malloc(pixels * 4 * sizeof(float));
         good = good && images->pixels[i];
@@ -335,6 +338,7 @@ void chiaro_reference_free_images(ChiaroReferenceImages *images)
 {
     for (uint32_t i = 0; i < CHIARO_COMPONENT_COUNT; i++)
         free(images->pixels[i]);
+    free(images->parts);
     *images = (ChiaroReferenceImages){0};
 }
 

@@ -39,6 +39,7 @@ typedef struct ChiaroReferenceDesc {
 /* Three pictures of one pass: RGBA, row 0 on top, alpha 1 where a surface is seen. */
 typedef struct ChiaroReferenceImages {
     float *pixels[CHIARO_COMPONENT_COUNT];
+    uint32_t *parts;                      /* that a pixel shows; CHIARO_NONE: none */
     double noise[CHIARO_COMPONENT_COUNT]; /* relRMSE of the picture's own noise, from two independent halves */
     uint64_t rays;
 } ChiaroReferenceImages;

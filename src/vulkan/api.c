@@ -66,9 +66,10 @@ static void destroy(ChiaroVulkan *context)
 {
     if (!context)
         return;
+    chiaro_objects_release(context);
     chiaro_sky_release(context);
     chiaro_lights_release(context);
-    chiaro_scene_release(context);
+    chiaro_scene_release(context, &context->scene);
     chiaro_pipelines_retire_forward(context);
     chiaro_arena_retire(context, &context->pipeline_arena);
     chiaro_arena_retire(context, &context->layouts.arena);
@@ -122,7 +123,7 @@ static ChiaroResult desc_get(const ChiaroVulkan *context, ChiaroVulkanDesc *desc
 static ChiaroResult prepare(ChiaroVulkan *context)
 {
     ChiaroResult result = chiaro_lights_prepare(context);
-    context->gi_changed = true;
+    context->gi_changed = context->objects.light_due = true;
     return result == CHIARO_OK ? chiaro_pipelines_prepare(context) : result;
 }
 
@@ -133,19 +134,20 @@ static ChiaroResult scene_load(ChiaroVulkan *context, const ChiaroVulkanLoad *lo
     if (!load->transport || !load->command_buffer || load->frame < context->frame)
         return refuse(context, "scene_load: transport, command_buffer, or a frame that fell");
     context->frame = load->frame;
-    chiaro_scene_release(context);
-    ChiaroResult result = chiaro_scene_upload(context, load->transport, load->command_buffer);
+    chiaro_objects_release(context);
+    chiaro_scene_release(context, &context->scene);
+    ChiaroResult result = chiaro_scene_upload(context, &context->scene, load->transport, load->command_buffer);
     if (result != CHIARO_OK)
         return result;
     /* Old maps show the old scene. */
     context->lights.changed = true;
-    for (uint32_t i = 0; i < CHIARO_MAX_LIGHTS; i++)
+    for (uint32_t i = 0; i < CHIARO_LIGHT_SLOTS; i++)
         context->lights.stale[i] = true;
     result = chiaro_sky_prepare(context);
     if (result == CHIARO_OK)
         result = prepare(context);
     if (result != CHIARO_OK)
-        chiaro_scene_release(context);
+        chiaro_scene_release(context, &context->scene);
     return result;
 }
 
@@ -153,7 +155,8 @@ static void scene_unload(ChiaroVulkan *context)
 {
     if (!context)
         return;
-    chiaro_scene_release(context);
+    chiaro_objects_release(context);
+    chiaro_scene_release(context, &context->scene);
     chiaro_lights_release(context);
 }
 
@@ -198,6 +201,8 @@ static ChiaroResult sky_set(ChiaroVulkan *context, const ChiaroSky *sky)
         return refuse(context, "sky_set: the sky is not valid");
     ChiaroResult result = chiaro_sky_take(context, sky);
     if (result == CHIARO_OK)
+        result = chiaro_objects_sky(context);
+    if (result == CHIARO_OK)
         result = prepare(context);
     if (result != CHIARO_OK)
         chiaro_sky_release(context);
@@ -214,6 +219,8 @@ static ChiaroResult settings_set(ChiaroVulkan *context, const ChiaroVulkanSettin
     const ChiaroVulkanSettings *old = &context->settings;
     if (old->gi_off && !settings->gi_off && context->scene.arena && !context->scene.gi_arena)
         return refuse(context, "settings_set: the scene was loaded without bounce light");
+    if (old->gi_off && !settings->gi_off && context->objects.arena && !context->objects.has_gi)
+        return refuse(context, "settings_set: objects were loaded without bounce light");
     bool other_light = old->component != settings->component || old->gi_off != settings->gi_off;
     if (old->component != settings->component || old->tone_map != settings->tone_map)
         chiaro_pipelines_retire_forward(context);
@@ -221,7 +228,7 @@ static ChiaroResult settings_set(ChiaroVulkan *context, const ChiaroVulkanSettin
     if (!other_light)
         return chiaro_pipelines_prepare(context);
     /* What was left undone while it was not shown is done now. */
-    context->sky.changed = true;
+    context->sky.changed = context->lights.changed = true;
     return prepare(context);
 }
 
@@ -236,6 +243,7 @@ static ChiaroResult update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info
         return refuse(context, "update: command_buffer, frame or completed_frame");
     chiaro_arena_collect(context, info->completed_frame);
     context->frame = info->frame;
+    chiaro_objects_update(context, info->command_buffer, info->completed_frame);
     chiaro_record_update(context, info->command_buffer);
     return CHIARO_OK;
 }
@@ -252,6 +260,46 @@ static ChiaroResult draw(ChiaroVulkan *context, const ChiaroVulkanDraw *info)
     if (!context->scene.arena)
         return CHIARO_ERROR_SCENE;
     chiaro_record_draw(context, info);
+    return CHIARO_OK;
+}
+
+/* ---- objects ------------------------------------------------------------------------------------------------------ */
+
+static void objects_unload(ChiaroVulkan *context)
+{
+    if (!context || !context->objects.arena)
+        return;
+    chiaro_objects_release(context);
+    /* Shadows of what is gone. */
+    context->lights.changed = context->gi_changed = true;
+    for (uint32_t i = 0; i < CHIARO_LIGHT_SLOTS; i++)
+        context->lights.stale[i] = true;
+    chiaro_pipelines_prepare(context);
+}
+
+static ChiaroResult objects_load(ChiaroVulkan *context, const ChiaroVulkanObjects *objects)
+{
+    if (!context || !objects || objects->struct_size != sizeof *objects)
+        return CHIARO_ERROR_ARGUMENT;
+    objects_unload(context);
+    ChiaroResult result = chiaro_objects_load(context, objects);
+    if (result == CHIARO_OK)
+        result = prepare(context);
+    if (result != CHIARO_OK)
+        objects_unload(context);
+    return result;
+}
+
+static ChiaroResult object_show(ChiaroVulkan *context, uint32_t id, uint32_t mesh)
+{
+    return context ? chiaro_objects_show(context, id, mesh) : CHIARO_ERROR_ARGUMENT;
+}
+
+static ChiaroResult object_stats(const ChiaroVulkan *context, ChiaroVulkanObjectStats *out)
+{
+    if (!context || !out || out->struct_size != sizeof *out)
+        return CHIARO_ERROR_ARGUMENT;
+    chiaro_objects_stats(context, out);
     return CHIARO_OK;
 }
 
@@ -289,7 +337,7 @@ static const char *why_no_gi(const ChiaroVulkan *context)
 
 static bool has_kind(const ChiaroVulkan *context, bool six)
 {
-    for (uint32_t i = 0; i < context->lights.count; i++)
+    for (uint32_t i = 0; i < chiaro_vulkan_lights(context); i++)
         if ((context->lights.gpu[i].info[1] != 0) == six)
             return true;
     return false;
@@ -299,10 +347,11 @@ static void describe_lights(const ChiaroVulkan *context, FeatureList *list)
 {
     const LightState *lights = &context->lights;
     const ChiaroVulkanDesc *desc = &context->desc;
-    bool lit = chiaro_vulkan_lit(context), forward = chiaro_forward_lighting(context) & FORWARD_LIT;
+    bool lit = chiaro_vulkan_lights(context) > 0, punctual = context->scene.arena && lights->count > 0;
+    bool indirect = context->settings.component == CHIARO_COMPONENT_INDIRECT;
     uint64_t face = 4 * 6 * (uint64_t)desc->face_shadow_size * desc->face_shadow_size * lights->face_capacity;
     uint64_t wide = 4 * (uint64_t)desc->wide_shadow_size * desc->wide_shadow_size * lights->wide_capacity;
-    add_feature(list, "punctual light", lit && forward ? NULL : lit ? "the indirect component has none" : "no lights",
+    add_feature(list, "punctual light", !punctual ? "no lights" : indirect ? "the indirect component has none" : NULL,
                 "the scene has lights", lights->arena ? lights->bytes - face - wide : 0);
     add_feature(list, "face shadow maps", !lit ? "no lights" : has_kind(context, true) ? NULL : "no point lights",
                 "the scene has point lights", face);
@@ -313,6 +362,22 @@ static void describe_lights(const ChiaroVulkan *context, FeatureList *list)
                 "the scene has alpha masks", 0);
 }
 
+static void describe_objects(const ChiaroVulkan *context, FeatureList *list)
+{
+    const ObjectsState *objects = &context->objects;
+    bool there = objects->arena, gi = chiaro_vulkan_object_gi(context), punctual = !context->settings.gi_off;
+    const char *missing = !there ? "no objects are loaded" : NULL;
+    const char *no_cubes = !there ? missing : gi ? NULL : punctual ? "the punctual component has none" : "turned off";
+    ChiaroVulkanObjectStats stats = {.struct_size = sizeof stats};
+    chiaro_objects_stats(context, &stats);
+    uint64_t back = there && objects->has_gi ? objects->blockers.size + objects->grid.size : 0;
+    add_feature(list, "moving objects", missing, "objects are loaded", stats.bytes - stats.cube_bytes - back);
+    add_feature(list, "environment cubes", no_cubes, "objects have them", stats.cube_bytes);
+    bool blocked = chiaro_forward_lighting(context) & FORWARD_BLOCKED;
+    add_feature(list, "objects on static light", no_cubes ? no_cubes : blocked ? NULL : "there is no static bounce light",
+                "objects block and give it", back);
+}
+
 static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features, uint32_t *count)
 {
     if (!context || !count)
@@ -320,7 +385,7 @@ static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features,
     const SceneState *scene = &context->scene;
     const char *no_gi = why_no_gi(context);
     FeatureList list = {features, features ? *count : 0, 0};
-    bool textured = false, masked = false, lit = chiaro_vulkan_lit(context);
+    bool textured = false, masked = false, lit = chiaro_vulkan_lights(context) > 0;
     for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++) {
         textured |= (scene->surfaces >> kind & 1) && (kind & SURFACE_TEXTURED);
         masked |= (scene->surfaces >> kind & 1) && (kind & SURFACE_MASKED);
@@ -336,6 +401,13 @@ static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features,
     bool sky_leaves = context->sky.set && scene->transport.sky_count > 0;
     add_feature(&list, "sky light", no_gi ? no_gi : !context->sky.set ? "no sky" : sky_leaves ? NULL : "sky is not seen",
                 "sky leaves of the tree", 0);
+    const char *no_sun = !context->sky.set ? "no sky" : !sky_leaves ? "sky is not seen" : NULL;
+    add_feature(&list, "sun of the sky", no_gi    ? no_gi
+                                         : no_sun ? no_sun
+                                         : context->sky.has_sun ? NULL
+                                                                : "no spot of the sky is worth a light",
+                "a light of its own", 0);
+    describe_objects(context, &list);
     bool full = context->settings.component == CHIARO_COMPONENT_FULL;
     add_feature(&list, "sky background", !context->sky.set ? "no sky" : full ? NULL : "only the full component has it",
                 "the sky is set", context->sky.bytes);
@@ -385,6 +457,10 @@ const ChiaroVulkanApi *chiaro_vulkan_get_api(uint32_t version)
         .describe = describe,
         .stats = stats,
         .buffers = buffers,
+        .objects_load = objects_load,
+        .objects_unload = objects_unload,
+        .object_show = object_show,
+        .object_stats = object_stats,
     };
     return version >= 1 && version <= CHIARO_VULKAN_API_VERSION ? &api : NULL;
 }

@@ -6,7 +6,8 @@
  *   pipelines.c  shaders, layouts, pipelines, each made when first needed
  *   scene.c      mesh, materials, textures, baked transport -> device
  *   lights.c     lights, shadow views and maps
- *   sky.c        the sky behind the picture and in the leaves of the tree
+ *   sky.c        the sky behind the picture, in the leaves of the tree, and its sun
+ *   objects.c    what moves: its places, its cubes, what it does to the static world
  *   record.c     update and draw
  *
  * Nothing here is global. Steps that build something keep their first failure in the arena, so that they read as a list.
@@ -109,8 +110,9 @@ void *chiaro_upload_image(ChiaroVulkan *context, Upload *upload, VkImage image, 
 
 /* Bits of a kind of surface: which forward pipeline draws it. */
 enum { SURFACE_TEXTURED = 1, SURFACE_MASKED = 2, SURFACE_KINDS = 4 };
-/* Bits of what lights it. */
-enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_KINDS = 4 };
+/* Bits of what lights it: lights with shadows, bounce light, the sun of the sky (which is one of the lights), and objects
+ * that stand in the way. */
+enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_SUN = 4, FORWARD_BLOCKED = 8, FORWARD_KINDS = 16 };
 enum { GI_SAMPLES_LIT, GI_SAMPLES_DARK, GI_TREE, GI_GATHER_SAMPLES, GI_GATHER_RECEIVERS, GI_PASSES };
 enum { SHADOW_OPAQUE, SHADOW_MASKED, SHADOW_MASKED_TEXTURED, SHADOW_KINDS };
 
@@ -122,7 +124,7 @@ typedef struct Pipeline {
 /* Set layouts and samplers: no memory to speak of, made with the context. */
 typedef struct Layouts {
     Arena *arena;
-    VkDescriptorSetLayout none, lights, gi, irradiance, texture, sky;
+    VkDescriptorSetLayout none, lights, gi, irradiance, texture, sky, objects;
     VkSampler point; /* unfiltered, for shadow maps and the sky */
     VkRenderPass shadow_pass;
 } Layouts;
@@ -149,6 +151,7 @@ typedef struct DrawPart {
     uint32_t first_index, index_count, surface, shadow; /* SURFACE_, SHADOW_ */
     uint32_t texture_set;                               /* CHIARO_NONE: none */
     uint32_t in_shadow;                                 /* 0: its twin stands for it in shadow maps */
+    uint32_t number;                                    /* in the scene */
     uint32_t shadow_first, shadow_count;
     float low[3], high[3];
     ChiaroMaterial material;
@@ -171,16 +174,20 @@ typedef struct SceneState {
     uint64_t mesh_bytes, texture_bytes, gi_bytes;
 } SceneState;
 
-ChiaroResult chiaro_scene_upload(ChiaroVulkan *context, const ChiaroTransport *transport, VkCommandBuffer commands);
-void chiaro_scene_release(ChiaroVulkan *context);
+ChiaroResult chiaro_scene_upload(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport,
+                                 VkCommandBuffer commands);
+void chiaro_scene_release(ChiaroVulkan *context, SceneState *state);
 
 /* ---- lights.c ----------------------------------------------------------------------------------------------------- */
 
+/* One more than the host may have: behind its lights comes the sun of the sky. */
+#define CHIARO_LIGHT_SLOTS (CHIARO_MAX_LIGHTS + 1)
+
 typedef struct LightState {
     ChiaroLight lights[CHIARO_MAX_LIGHTS];
-    ChiaroGpuLight gpu[CHIARO_MAX_LIGHTS];
-    bool stale[CHIARO_MAX_LIGHTS]; /* its shadow map must be drawn */
-    uint32_t count;
+    ChiaroGpuLight gpu[CHIARO_LIGHT_SLOTS];
+    bool stale[CHIARO_LIGHT_SLOTS]; /* its shadow map must be drawn */
+    uint32_t count;                 /* of the host's */
     bool changed;
     Arena *arena;
     DeviceBuffer buffer;
@@ -201,7 +208,10 @@ void chiaro_lights_release(ChiaroVulkan *context);
 typedef struct SkyState {
     bool set;
     bool changed;  /* the values of the leaves must go to the device */
-    ChiaroSky sky; /* a copy: later scenes need it too */
+    ChiaroSky sky; /* a copy, without the sun: later scenes need it too */
+    bool has_sun;
+    ChiaroLight sun;
+    float sun_radius;
     float *values; /* four floats a sky leaf of the scene; NULL: black */
     Arena *arena;
     VkImage image;
@@ -215,8 +225,84 @@ ChiaroResult chiaro_sky_take(ChiaroVulkan *context, const ChiaroSky *sky);
 ChiaroResult chiaro_sky_prepare(ChiaroVulkan *context);
 void chiaro_sky_release(ChiaroVulkan *context);
 
+/* ---- objects.c ---------------------------------------------------------------------------------------------------- */
+
+/* Bindings of the set of objects: chiaro.glsl, CHIARO_OBJECT_SET. */
+enum { OBJECT_BINDINGS = 5 };
+
+/* The runs of draw parts that a mesh is. */
+typedef struct ObjectMesh {
+    uint32_t first[SURFACE_KINDS], count[SURFACE_KINDS];
+} ObjectMesh;
+
+/* An object of the world, by its number. */
+typedef struct ShownObject {
+    uint32_t mesh; /* CHIARO_NONE: not shown */
+    bool placed;   /* the device knows it: by these */
+    uint32_t slot;
+    float transform[16];
+    float center[3], radius; /* in the world */
+} ShownObject;
+
+typedef struct CubeSlot {
+    uint32_t id, part; /* whose cube it was */
+    uint64_t start;    /* frame in which the newer one came */
+    uint32_t length;   /* frames until it is shown alone; 0: at once */
+    bool fading;
+    float scale[2];    /* of the two encoded cubes */
+} CubeSlot;
+
+typedef struct ObjectsState {
+    ChiaroWorld *world;
+    ChiaroVisibleFunc visible;
+    void *user;
+    uint32_t cubes; /* an update */
+    SceneState meshes;
+    Arena *arena, *read_arena; /* the second: memory that the host reads */
+    bool has_gi;
+    DeviceBuffer instances, vertices, scale_buffer, cube_buffer, blockers, grid, read_back;
+    VkDescriptorSet set;
+    ObjectMesh *meshes_by_number;
+    uint32_t mesh_count, capacity, slot_count;
+    uint32_t texels, words; /* of a cube */
+    ShownObject *shown;
+    CubeSlot *slots;
+    float *scales;     /* two a slot, as the device has them */
+    float *colors;     /* two cubes a slot */
+    uint32_t *painted; /* slots that the last update painted */
+    uint32_t *encoded; /* two cubes */
+    uint32_t *cells;   /* of the grid of blockers, as the device has them */
+    uint32_t painted_count, fading;
+    uint64_t upload_bytes, bytes, revision;
+    bool info_written, grid_written;
+    float grid_low[3], grid_high[3]; /* of what is written */
+    bool light_due;      /* the world's light is not that of the device */
+    uint64_t read_frame; /* in which it was copied for the host; 0: none is under way */
+    ChiaroLight lights[CHIARO_LIGHT_SLOTS]; /* of that frame */
+    uint32_t light_count;
+    bool shadow_moved;     /* the light of the static scene does not know it yet */
+    uint64_t shadow_frame; /* when it was told last */
+} ObjectsState;
+
+ChiaroResult chiaro_objects_load(ChiaroVulkan *context, const ChiaroVulkanObjects *info);
+void chiaro_objects_release(ChiaroVulkan *context);
+ChiaroResult chiaro_objects_show(ChiaroVulkan *context, uint32_t id, uint32_t mesh);
+void chiaro_objects_stats(const ChiaroVulkan *context, ChiaroVulkanObjectStats *stats);
+/* Tells the world which sky there is. */
+ChiaroResult chiaro_objects_sky(ChiaroVulkan *context);
+void chiaro_objects_update(ChiaroVulkan *context, VkCommandBuffer commands, uint64_t completed);
+/* True if objects may darken some of a part. */
+bool chiaro_objects_near(const ChiaroVulkan *context, const DrawPart *part);
+/* Copies the values of the nodes for the host, if they have changed. */
+void chiaro_objects_read_back(ChiaroVulkan *context, VkCommandBuffer commands);
+
 /* ---- record.c ----------------------------------------------------------------------------------------------------- */
 
+void chiaro_record_barrier(ChiaroVulkan *context, VkCommandBuffer commands, VkPipelineStageFlags from,
+                           VkAccessFlags writes, VkPipelineStageFlags to, VkAccessFlags accesses);
+/* Any number of bytes, a multiple of four, from the host's memory into a buffer. */
+void chiaro_record_write(ChiaroVulkan *context, VkCommandBuffer commands, DeviceBuffer buffer, uint64_t offset,
+                         const void *data, uint64_t size);
 void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands);
 void chiaro_record_draw(ChiaroVulkan *context, const ChiaroVulkanDraw *draw);
 
@@ -235,20 +321,17 @@ struct ChiaroVulkan {
     SceneState scene;
     LightState lights;
     SkyState sky;
+    ObjectsState objects;
     Arena *forward_arena; /* pipelines that settings are compiled into */
     Arena *pipeline_arena; /* the others */
-    Pipeline forward[FORWARD_KINDS][SURFACE_KINDS], sky_background, gi[GI_PASSES], shadow[SHADOW_KINDS];
+    Pipeline forward[FORWARD_KINDS][SURFACE_KINDS], forward_objects[FORWARD_KINDS][SURFACE_KINDS];
+    Pipeline sky_background, gi[GI_PASSES], shadow[SHADOW_KINDS];
     bool gi_changed; /* something that bounce light depends on has changed since the last update */
     uint32_t dispatches, shadow_passes;
     uint64_t updates;
 };
 
 bool chiaro_functions_load(ChiaroVulkan *context);
-
-static inline bool chiaro_vulkan_lit(const ChiaroVulkan *context)
-{
-    return context->scene.arena && context->lights.count > 0;
-}
 
 /* Bounce light is wanted, possible, and not black. */
 static inline bool chiaro_vulkan_gi(const ChiaroVulkan *context)
@@ -259,11 +342,40 @@ static inline bool chiaro_vulkan_gi(const ChiaroVulkan *context)
             (context->sky.set && context->scene.transport.sky_count > 0));
 }
 
-/* The FORWARD_ bits of the state: shadowed lights are not in the pipelines of the indirect component. */
+/* The sun of the sky shines: a light with a shadow, that counts as indirect as all light of the sky does. */
+static inline bool chiaro_vulkan_sun(const ChiaroVulkan *context)
+{
+    return context->sky.has_sun && context->scene.transport.sky_count > 0 && chiaro_vulkan_gi(context);
+}
+
+/* Lights that shine: the host's, and the sun of the sky. */
+static inline uint32_t chiaro_vulkan_lights(const ChiaroVulkan *context)
+{
+    return context->scene.arena ? context->lights.count + chiaro_vulkan_sun(context) : 0;
+}
+
+/* Objects have cubes. */
+static inline bool chiaro_vulkan_object_gi(const ChiaroVulkan *context)
+{
+    return context->objects.arena && context->objects.has_gi && !context->settings.gi_off &&
+           context->settings.component != CHIARO_COMPONENT_PUNCTUAL;
+}
+
+/* The FORWARD_ bits of the state: the host's lights are not in the pipelines of the indirect component. */
 static inline uint32_t chiaro_forward_lighting(const ChiaroVulkan *context)
 {
-    bool punctual = chiaro_vulkan_lit(context) && context->settings.component != CHIARO_COMPONENT_INDIRECT;
-    return (punctual ? FORWARD_LIT : 0u) | (chiaro_vulkan_gi(context) ? FORWARD_GI : 0u);
+    bool sun = chiaro_vulkan_sun(context), indirect = context->settings.component == CHIARO_COMPONENT_INDIRECT;
+    bool lit = indirect ? sun : chiaro_vulkan_lights(context) > 0;
+    bool gi = chiaro_vulkan_gi(context), blocked = gi && chiaro_vulkan_object_gi(context);
+    return (lit ? FORWARD_LIT : 0u) | (gi ? FORWARD_GI : 0u) | (sun ? FORWARD_SUN : 0u) |
+           (blocked ? FORWARD_BLOCKED : 0u);
+}
+
+/* The same for objects. */
+static inline uint32_t chiaro_object_lighting(const ChiaroVulkan *context)
+{
+    return (chiaro_forward_lighting(context) & (FORWARD_LIT | FORWARD_SUN)) |
+           (chiaro_vulkan_object_gi(context) ? FORWARD_GI : 0u);
 }
 
 static inline bool chiaro_vulkan_background(const ChiaroVulkan *context)

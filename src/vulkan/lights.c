@@ -146,7 +146,7 @@ static ChiaroResult create_maps(ChiaroVulkan *context, uint32_t faces, uint32_t 
             images[i] = chiaro_arena_image(context, arena, VK_FORMAT_D32_SFLOAT, sizes[i], sizes[i], layers[i],
                                            VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT | VK_IMAGE_USAGE_SAMPLED_BIT,
                                            &bytes);
-    DeviceBuffer buffer = chiaro_arena_buffer(context, arena, 16 + CHIARO_MAX_LIGHTS * sizeof(ChiaroGpuLight),
+    DeviceBuffer buffer = chiaro_arena_buffer(context, arena, 16 + CHIARO_LIGHT_SLOTS * sizeof(ChiaroGpuLight),
                                               VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                                               false, &bytes);
     chiaro_arena_bind(context, arena);
@@ -180,7 +180,7 @@ static ChiaroResult create_maps(ChiaroVulkan *context, uint32_t faces, uint32_t 
     state->face_capacity = faces;
     state->wide_capacity = wides;
     state->bytes = bytes;
-    for (uint32_t i = 0; i < CHIARO_MAX_LIGHTS; i++)
+    for (uint32_t i = 0; i < CHIARO_LIGHT_SLOTS; i++)
         state->stale[i] = true;
     return CHIARO_OK;
 }
@@ -188,15 +188,18 @@ static ChiaroResult create_maps(ChiaroVulkan *context, uint32_t faces, uint32_t 
 ChiaroResult chiaro_lights_prepare(ChiaroVulkan *context)
 {
     LightState *state = &context->lights;
-    if (!context->scene.arena || state->count == 0) {
+    uint32_t faces = 0, wides = 0, count = chiaro_vulkan_lights(context);
+    if (count == 0) {
         chiaro_lights_release(context);
         return CHIARO_OK;
     }
-    uint32_t faces = 0, wides = 0;
-    ChiaroGpuLight packed[CHIARO_MAX_LIGHTS];
-    for (uint32_t i = 0; i < state->count; i++) {
-        bool six = has_faces(&state->lights[i]);
-        pack_light(context, &state->lights[i], six ? 6 * faces : wides, &packed[i]);
+    ChiaroGpuLight packed[CHIARO_LIGHT_SLOTS];
+    for (uint32_t i = 0; i < count; i++) {
+        const ChiaroLight *light = i < state->count ? &state->lights[i] : &context->sky.sun;
+        bool six = has_faces(light);
+        pack_light(context, light, six ? 6 * faces : wides, &packed[i]);
+        if (light == &context->sky.sun)
+            packed[i].cone[0] = tanf(context->sky.sun_radius);
         faces += six;
         wides += !six;
     }
@@ -207,7 +210,7 @@ ChiaroResult chiaro_lights_prepare(ChiaroVulkan *context)
         if (result != CHIARO_OK)
             return result;
     }
-    for (uint32_t i = 0; i < state->count; i++) {
+    for (uint32_t i = 0; i < count; i++) {
         state->stale[i] |= !same_view(&state->gpu[i], &packed[i]);
         state->gpu[i] = packed[i];
     }

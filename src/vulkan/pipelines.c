@@ -1,7 +1,8 @@
 /* Shaders, layouts and pipelines. Each pipeline is made when the state of the context first asks for it: a scene without
  * textures, lights, masks or sky never has a pipeline, a binding or a line of shader for them.
  *
- * Descriptor sets of the forward pass: 0 lights and shadow maps, 1 irradiance, 2 textures; empty where left out.
+ * Descriptor sets of the forward pass: 0 lights and shadow maps, 1 irradiance, 2 textures, 3 objects; empty where left
+ * out.
  */
 #include "context.h"
 
@@ -9,6 +10,10 @@
 
 #include "spirv/forward.frag.h"
 #include "spirv/forward.vert.h"
+#include "spirv/forward_blocked.frag.h"
+#include "spirv/forward_blocked_lit.frag.h"
+#include "spirv/forward_blocked_lit_textured.frag.h"
+#include "spirv/forward_blocked_textured.frag.h"
 #include "spirv/forward_gi.vert.h"
 #include "spirv/forward_lit.frag.h"
 #include "spirv/forward_lit_textured.frag.h"
@@ -21,6 +26,8 @@
 #include "spirv/shadow_mask.frag.h"
 #include "spirv/shadow_mask.vert.h"
 #include "spirv/shadow_mask_textured.frag.h"
+#include "spirv/object.vert.h"
+#include "spirv/object_gi.vert.h"
 #include "spirv/sky.frag.h"
 #include "spirv/sky.vert.h"
 #include "spirv/tree.comp.h"
@@ -104,6 +111,11 @@ ChiaroResult chiaro_layouts_create(ChiaroVulkan *context)
                                              {2, image, 1, fragment | compute, NULL}};
     VkDescriptorSetLayoutBinding textures[] = {{0, image, 1, fragment, NULL}, {1, image, 1, fragment, NULL}};
     VkDescriptorSetLayoutBinding irradiance[] = {{0, buffer, 1, VK_SHADER_STAGE_VERTEX_BIT, NULL}};
+    VkDescriptorSetLayoutBinding objects[OBJECT_BINDINGS] = {{0, buffer, 1, VK_SHADER_STAGE_VERTEX_BIT, NULL},
+                                                             {1, buffer, 1, VK_SHADER_STAGE_VERTEX_BIT, NULL},
+                                                             {2, buffer, 1, VK_SHADER_STAGE_VERTEX_BIT, NULL},
+                                                             {3, buffer, 1, fragment, NULL},
+                                                             {4, buffer, 1, fragment, NULL}};
     VkDescriptorSetLayoutBinding gi[GI_BINDINGS];
     for (uint32_t i = 0; i < GI_BINDINGS; i++)
         gi[i] = (VkDescriptorSetLayoutBinding){i, buffer, 1, compute, NULL};
@@ -114,6 +126,7 @@ ChiaroResult chiaro_layouts_create(ChiaroVulkan *context)
     layouts->irradiance = create_set_layout(context, arena, 1, irradiance);
     layouts->texture = create_set_layout(context, arena, 2, textures);
     layouts->sky = create_set_layout(context, arena, 1, textures);
+    layouts->objects = create_set_layout(context, arena, OBJECT_BINDINGS, objects);
     layouts->shadow_pass = create_shadow_pass(context, arena);
     layouts->point = chiaro_sampler_create(context, arena, VK_FILTER_NEAREST, VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE,
                                            VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE);
@@ -331,43 +344,67 @@ static VkPipeline create_graphics(ChiaroVulkan *context, Arena *arena, const Gra
 /* The constants that forward and sky fragment shaders are specialised by. */
 typedef struct ForwardConstants {
     uint32_t component;
-    VkBool32 tone_map, masked;
+    VkBool32 tone_map, masked, sky_sun;
 } ForwardConstants;
 
-static const VkSpecializationMapEntry forward_entries[3] = {{0, offsetof(ForwardConstants, component), 4},
+static const VkSpecializationMapEntry forward_entries[4] = {{0, offsetof(ForwardConstants, component), 4},
                                                             {1, offsetof(ForwardConstants, tone_map), 4},
-                                                            {2, offsetof(ForwardConstants, masked), 4}};
+                                                            {2, offsetof(ForwardConstants, masked), 4},
+                                                            {3, offsetof(ForwardConstants, sky_sun), 4}};
 
-static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lighting, uint32_t surface)
+/* Vertices of what stays: with the receiver of each. Of objects: with what their bake says. */
+enum { VERTEX_ATTRIBUTES = 5, STILL_ATTRIBUTES = 1, OBJECT_ATTRIBUTES = 4 };
+
+static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lighting, uint32_t surface, bool object)
 {
     bool lit = lighting & FORWARD_LIT, gi = lighting & FORWARD_GI, textured = surface & SURFACE_TEXTURED;
+    bool blocked = lighting & FORWARD_BLOCKED;
     const Layouts *layouts = &context->layouts;
-    VkDescriptorSetLayout sets[3] = {lit ? layouts->lights : layouts->none, gi ? layouts->irradiance : layouts->none,
-                                     textured ? layouts->texture : layouts->none};
-    VkVertexInputBindingDescription bindings[2] = {{0, sizeof(ChiaroVertex), VK_VERTEX_INPUT_RATE_VERTEX},
-                                                   {1, sizeof(uint32_t), VK_VERTEX_INPUT_RATE_VERTEX}};
-    VkVertexInputAttributeDescription attributes[6] = {
+    VkDescriptorSetLayout sets[4] = {lit ? layouts->lights : layouts->none,
+                                     gi && !object ? layouts->irradiance : layouts->none,
+                                     textured ? layouts->texture : layouts->none,
+                                     object || blocked ? layouts->objects : layouts->none};
+    VkVertexInputBindingDescription bindings[2] = {
+        {0, sizeof(ChiaroVertex), VK_VERTEX_INPUT_RATE_VERTEX},
+        {1, object ? sizeof(ChiaroObjectVertex) : sizeof(uint32_t), VK_VERTEX_INPUT_RATE_VERTEX}};
+    VkVertexInputAttributeDescription attributes[VERTEX_ATTRIBUTES + OBJECT_ATTRIBUTES] = {
         {0, 0, VK_FORMAT_R32G32B32_SFLOAT, offsetof(ChiaroVertex, position)},
         {1, 0, VK_FORMAT_R32G32B32_SFLOAT, offsetof(ChiaroVertex, normal)},
         {2, 0, VK_FORMAT_R32G32_SFLOAT, offsetof(ChiaroVertex, uv)},
         {3, 0, VK_FORMAT_R32G32_SFLOAT, offsetof(ChiaroVertex, emission_uv)},
         {4, 0, VK_FORMAT_R32G32B32A32_SFLOAT, offsetof(ChiaroVertex, color)},
         {5, 1, VK_FORMAT_R32_UINT, 0}};
+    const VkVertexInputAttributeDescription baked[OBJECT_ATTRIBUTES] = {
+        {5, 1, VK_FORMAT_R32G32B32_SFLOAT, offsetof(ChiaroObjectVertex, cavity)},
+        {6, 1, VK_FORMAT_R32G32B32_SFLOAT, offsetof(ChiaroObjectVertex, bent)},
+        {7, 1, VK_FORMAT_R8G8B8A8_UINT, offsetof(ChiaroObjectVertex, parts)},
+        {8, 1, VK_FORMAT_R8G8B8A8_UNORM, offsetof(ChiaroObjectVertex, weights)}};
+    if (object)
+        memcpy(attributes + VERTEX_ATTRIBUTES, baked, sizeof baked);
+    uint32_t more = object ? OBJECT_ATTRIBUTES : STILL_ATTRIBUTES;
     VkPipelineVertexInputStateCreateInfo input = {.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO,
                                                   .vertexBindingDescriptionCount = gi ? 2 : 1,
                                                   .pVertexBindingDescriptions = bindings,
-                                                  .vertexAttributeDescriptionCount = gi ? 6 : 5,
+                                                  .vertexAttributeDescriptionCount = VERTEX_ATTRIBUTES + (gi ? more : 0),
                                                   .pVertexAttributeDescriptions = attributes};
     ForwardConstants constants = {context->settings.component, context->settings.tone_map,
-                                  (surface & SURFACE_MASKED) != 0};
-    VkSpecializationInfo specialization = {3, forward_entries, sizeof constants, &constants};
-    Pipeline made = {create_layout(context, arena, 3, sets, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT,
+                                  (surface & SURFACE_MASKED) != 0, (lighting & FORWARD_SUN) != 0};
+    VkSpecializationInfo specialization = {4, forward_entries, sizeof constants, &constants};
+    Pipeline made = {create_layout(context, arena, 4, sets, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT,
                                    sizeof(ChiaroForwardPush)),
                      VK_NULL_HANDLE};
-    Shader lit_fragment = textured ? SHADER(forward_lit_textured_frag) : SHADER(forward_lit_frag);
-    Shader fragment = textured ? SHADER(forward_textured_frag) : SHADER(forward_frag);
-    GraphicsDesc desc = {.vertex = gi ? SHADER(forward_gi_vert) : SHADER(forward_vert),
-                         .fragment = lit ? lit_fragment : fragment,
+    const Shader fragments[8] = {SHADER(forward_frag),
+                                 SHADER(forward_lit_frag),
+                                 SHADER(forward_textured_frag),
+                                 SHADER(forward_lit_textured_frag),
+                                 SHADER(forward_blocked_frag),
+                                 SHADER(forward_blocked_lit_frag),
+                                 SHADER(forward_blocked_textured_frag),
+                                 SHADER(forward_blocked_lit_textured_frag)};
+    Shader still_vertex = gi ? SHADER(forward_gi_vert) : SHADER(forward_vert);
+    Shader object_vertex = gi ? SHADER(object_gi_vert) : SHADER(object_vert);
+    GraphicsDesc desc = {.vertex = object ? object_vertex : still_vertex,
+                         .fragment = fragments[4 * blocked + 2 * textured + lit],
                          .constants = &specialization,
                          .input = &input,
                          .layout = made.layout,
@@ -415,8 +452,8 @@ static Pipeline create_shadow(ChiaroVulkan *context, Arena *arena, uint32_t kind
 static Pipeline create_background(ChiaroVulkan *context, Arena *arena)
 {
     VkPipelineVertexInputStateCreateInfo input = {.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO};
-    ForwardConstants constants = {0, context->settings.tone_map, VK_FALSE};
-    VkSpecializationInfo specialization = {3, forward_entries, sizeof constants, &constants};
+    ForwardConstants constants = {0, context->settings.tone_map, VK_FALSE, VK_FALSE};
+    VkSpecializationInfo specialization = {4, forward_entries, sizeof constants, &constants};
     Pipeline made = {create_layout(context, arena, 1, &context->layouts.sky,
                                    VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, sizeof(ChiaroSkyPush)),
                      VK_NULL_HANDLE};
@@ -470,6 +507,7 @@ void chiaro_pipelines_retire_forward(ChiaroVulkan *context)
 {
     chiaro_arena_retire(context, &context->forward_arena);
     memset(context->forward, 0, sizeof context->forward);
+    memset(context->forward_objects, 0, sizeof context->forward_objects);
     memset(&context->sky_background, 0, sizeof context->sky_background);
 }
 
@@ -487,15 +525,23 @@ ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
         return CHIARO_ERROR_MEMORY;
     if (!context->pipeline_arena && !(context->pipeline_arena = chiaro_arena_create(context)))
         return CHIARO_ERROR_MEMORY;
-    bool lit = chiaro_vulkan_lit(context), gi = chiaro_vulkan_gi(context);
-    uint32_t lighting = chiaro_forward_lighting(context);
-    for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++)
-        if ((context->scene.surfaces >> kind & 1) && !context->forward[lighting][kind].pipeline)
-            context->forward[lighting][kind] = create_forward(context, context->forward_arena, lighting, kind);
+    bool lit = chiaro_vulkan_lights(context) > 0, gi = chiaro_vulkan_gi(context);
+    uint32_t lighting = chiaro_forward_lighting(context), object_lighting = chiaro_object_lighting(context);
+    uint32_t shadows = context->scene.shadows | context->objects.meshes.shadows;
+    uint32_t apart = lighting & ~(uint32_t)FORWARD_BLOCKED; /* parts of the scene that no object is near */
+    for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++) {
+        Pipeline *still = &context->forward[lighting][kind], *object = &context->forward_objects[object_lighting][kind];
+        if ((context->scene.surfaces >> kind & 1) && !still->pipeline)
+            *still = create_forward(context, context->forward_arena, lighting, kind, false);
+        if ((context->scene.surfaces >> kind & 1) && !context->forward[apart][kind].pipeline)
+            context->forward[apart][kind] = create_forward(context, context->forward_arena, apart, kind, false);
+        if ((context->objects.meshes.surfaces >> kind & 1) && !object->pipeline)
+            *object = create_forward(context, context->forward_arena, object_lighting, kind, true);
+    }
     if (chiaro_vulkan_background(context) && !context->sky_background.pipeline)
         context->sky_background = create_background(context, context->forward_arena);
     for (uint32_t kind = 0; lit && kind < SHADOW_KINDS; kind++)
-        if ((context->scene.shadows >> kind & 1) && !context->shadow[kind].pipeline)
+        if ((shadows >> kind & 1) && !context->shadow[kind].pipeline)
             context->shadow[kind] = create_shadow(context, context->pipeline_arena, kind);
     for (uint32_t pass = 0; gi && pass < GI_PASSES; pass++)
         if (pass != (lit ? GI_SAMPLES_DARK : GI_SAMPLES_LIT) && !context->gi[pass].pipeline)

@@ -58,13 +58,13 @@ static bool part_in_view(const DrawPart *part, const ChiaroShadowPush *view)
            !box_outside(part, origin, vec3_add(forward, up)) && !box_outside(part, origin, vec3_sub(forward, up));
 }
 
-static void draw_shadow_parts(ChiaroVulkan *context, VkCommandBuffer commands, ChiaroShadowPush *push)
+static void draw_shadow_parts(ChiaroVulkan *context, VkCommandBuffer commands, const SceneState *scene, uint32_t first,
+                              uint32_t count, ChiaroShadowPush *push)
 {
     const VulkanFunctions *vk = &context->vk;
-    const SceneState *scene = &context->scene;
     const VkShaderStageFlags stages = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT;
     uint32_t bound = SHADOW_KINDS;
-    for (uint32_t i = 0; i < scene->part_count; i++) {
+    for (uint32_t i = first; i < first + count; i++) {
         const DrawPart *part = &scene->parts[i];
         if (!part->in_shadow || part->shadow_count == 0 || !part_in_view(part, push))
             continue;
@@ -88,11 +88,52 @@ static void draw_shadow_parts(ChiaroVulkan *context, VkCommandBuffer commands, C
     }
 }
 
+static void bind_shadow_mesh(ChiaroVulkan *context, VkCommandBuffer commands, const SceneState *scene)
+{
+    VkBuffer vertices[2] = {scene->shadow_vertices.buffer, scene->shadow_uvs.buffer};
+    VkDeviceSize offsets[2] = {0, 0};
+    context->vk.CmdBindVertexBuffers(commands, 0, vertices[1] ? 2 : 1, vertices, offsets);
+    context->vk.CmdBindIndexBuffer(commands, scene->shadow_indices.buffer, 0, VK_INDEX_TYPE_UINT32);
+}
+
+/* The view from an object's own space: the transform is taken to the other side of every product. */
+static ChiaroShadowPush object_view(const ChiaroShadowPush *view, const float m[16])
+{
+    ChiaroShadowPush own = *view;
+    Vec3 x = vec3_load(m), y = vec3_load(m + 4), z = vec3_load(m + 8);
+    Vec3 way = vec3_sub(vec3_load(view->position), vec3_load(m + 12));
+    float shrink = 1 / vec3_dot(x, x); /* the axes are orthogonal and of one length */
+    vec3_store(own.position, vec3_scale(vec3(vec3_dot(x, way), vec3_dot(y, way), vec3_dot(z, way)), shrink));
+    const float *from[3] = {view->right, view->up, view->forward};
+    float *to[3] = {own.right, own.up, own.forward};
+    for (int i = 0; i < 3; i++) {
+        Vec3 axis = vec3_load(from[i]);
+        vec3_store(to[i], vec3(vec3_dot(x, axis), vec3_dot(y, axis), vec3_dot(z, axis)));
+    }
+    return own;
+}
+
+static void draw_shadow_objects(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroShadowPush *view)
+{
+    const ObjectsState *objects = &context->objects;
+    if (!objects->arena)
+        return;
+    bind_shadow_mesh(context, commands, &objects->meshes);
+    for (uint32_t id = 0; id < objects->capacity; id++) {
+        const ShownObject *shown = &objects->shown[id];
+        if (!shown->placed)
+            continue;
+        const ObjectMesh *mesh = &objects->meshes_by_number[shown->mesh];
+        ChiaroShadowPush push = object_view(view, shown->transform);
+        for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++)
+            draw_shadow_parts(context, commands, &objects->meshes, mesh->first[kind], mesh->count[kind], &push);
+    }
+}
+
 static void record_shadow_map(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroGpuLight *light,
                               uint32_t face)
 {
     const VulkanFunctions *vk = &context->vk;
-    const SceneState *scene = &context->scene;
     const LightState *lights = &context->lights;
     uint32_t first = light->info[1] ? 0 : 6 * lights->face_capacity;
     uint32_t size = light->info[1] ? context->desc.face_shadow_size : context->desc.wide_shadow_size;
@@ -104,15 +145,14 @@ static void record_shadow_map(ChiaroVulkan *context, VkCommandBuffer commands, c
                                    .clearValueCount = 1,
                                    .pClearValues = &clear};
     VkViewport viewport = {0, 0, (float)size, (float)size, 0, 1};
-    VkBuffer vertices[2] = {scene->shadow_vertices.buffer, scene->shadow_uvs.buffer};
-    VkDeviceSize offsets[2] = {0, 0};
-    ChiaroShadowPush push = shadow_view(light, face);
+    const ChiaroShadowPush view = shadow_view(light, face);
+    ChiaroShadowPush push = view;
     vk->CmdBeginRenderPass(commands, &begin, VK_SUBPASS_CONTENTS_INLINE);
     vk->CmdSetViewport(commands, 0, 1, &viewport);
     vk->CmdSetScissor(commands, 0, 1, &begin.renderArea);
-    vk->CmdBindVertexBuffers(commands, 0, vertices[1] ? 2 : 1, vertices, offsets);
-    vk->CmdBindIndexBuffer(commands, scene->shadow_indices.buffer, 0, VK_INDEX_TYPE_UINT32);
-    draw_shadow_parts(context, commands, &push);
+    bind_shadow_mesh(context, commands, &context->scene);
+    draw_shadow_parts(context, commands, &context->scene, 0, context->scene.part_count, &push);
+    draw_shadow_objects(context, commands, &view);
     vk->CmdEndRenderPass(commands);
     context->shadow_passes++;
 }
@@ -146,7 +186,7 @@ static void record_shadow_maps(ChiaroVulkan *context, VkCommandBuffer commands)
     if (lights->fresh)
         give_layouts(context, commands);
     lights->fresh = false;
-    for (uint32_t i = 0; i < lights->count; i++) {
+    for (uint32_t i = 0; i < chiaro_vulkan_lights(context); i++) {
         uint32_t faces = lights->gpu[i].info[1] ? 6 : 1;
         for (uint32_t face = 0; lights->stale[i] && face < faces; face++)
             record_shadow_map(context, commands, &lights->gpu[i], face);
@@ -156,8 +196,8 @@ static void record_shadow_maps(ChiaroVulkan *context, VkCommandBuffer commands)
 
 /* ---- bounce light ------------------------------------------------------------------------------------------------- */
 
-static void barrier(ChiaroVulkan *context, VkCommandBuffer commands, VkPipelineStageFlags from, VkAccessFlags writes,
-                    VkPipelineStageFlags to, VkAccessFlags accesses)
+void chiaro_record_barrier(ChiaroVulkan *context, VkCommandBuffer commands, VkPipelineStageFlags from,
+                           VkAccessFlags writes, VkPipelineStageFlags to, VkAccessFlags accesses)
 {
     VkMemoryBarrier memory = {
         .sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER, .srcAccessMask = writes, .dstAccessMask = accesses};
@@ -177,7 +217,7 @@ static void dispatch(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t p
                               pass == GI_SAMPLES_LIT ? 2 : 1, sets, 0, NULL);
     vk->CmdPushConstants(commands, pipeline->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof *push, push);
     vk->CmdDispatch(commands, (count + CHIARO_GROUP_SIZE - 1) / CHIARO_GROUP_SIZE, 1, 1);
-    barrier(context, commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT,
+    chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT,
             VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT);
     context->dispatches++;
 }
@@ -197,7 +237,7 @@ static void record_tree(ChiaroVulkan *context, VkCommandBuffer commands, uint32_
 static void record_gi(ChiaroVulkan *context, VkCommandBuffer commands)
 {
     const ChiaroTransport *t = &context->scene.transport;
-    uint32_t lit = chiaro_vulkan_lit(context) ? GI_SAMPLES_LIT : GI_SAMPLES_DARK;
+    uint32_t lit = chiaro_vulkan_lights(context) > 0 ? GI_SAMPLES_LIT : GI_SAMPLES_DARK;
     ChiaroComputePush samples = {.range = {0, t->sample_count}};
     dispatch(context, commands, lit, t->sample_count, &samples);
     record_tree(context, commands, 0);
@@ -213,7 +253,7 @@ static void record_gi(ChiaroVulkan *context, VkCommandBuffer commands)
 /* ---- update ------------------------------------------------------------------------------------------------------- */
 
 /* vkCmdUpdateBuffer takes at most 65536 bytes at a time. */
-static void write_buffer(ChiaroVulkan *context, VkCommandBuffer commands, DeviceBuffer buffer, uint64_t offset,
+void chiaro_record_write(ChiaroVulkan *context, VkCommandBuffer commands, DeviceBuffer buffer, uint64_t offset,
                          const void *data, uint64_t size)
 {
     for (uint64_t done = 0; done < size; done += 65536) {
@@ -225,9 +265,9 @@ static void write_buffer(ChiaroVulkan *context, VkCommandBuffer commands, Device
 static void write_lights(ChiaroVulkan *context, VkCommandBuffer commands)
 {
     const LightState *lights = &context->lights;
-    const uint32_t count[4] = {lights->count, 0, 0, 0};
-    write_buffer(context, commands, lights->buffer, 0, count, sizeof count);
-    write_buffer(context, commands, lights->buffer, sizeof count, lights->gpu, lights->count * sizeof lights->gpu[0]);
+    const uint32_t count[4] = {lights->count, chiaro_vulkan_lights(context), 0, 0};
+    chiaro_record_write(context, commands, lights->buffer, 0, count, sizeof count);
+    chiaro_record_write(context, commands, lights->buffer, sizeof count, lights->gpu, count[1] * sizeof lights->gpu[0]);
 }
 
 /* No sky: black. */
@@ -236,7 +276,7 @@ static void write_sky_leaves(ChiaroVulkan *context, VkCommandBuffer commands)
     const ChiaroTransport *transport = &context->scene.transport;
     uint64_t offset = 16 * (uint64_t)transport->sample_count, size = 16 * (uint64_t)transport->sky_count;
     if (context->sky.values)
-        write_buffer(context, commands, context->scene.values, offset, context->sky.values, size);
+        chiaro_record_write(context, commands, context->scene.values, offset, context->sky.values, size);
     else if (size > 0)
         context->vk.CmdFillBuffer(commands, context->scene.values.buffer, offset, size, 0);
 }
@@ -251,7 +291,7 @@ static void fill_sky_image(ChiaroVulkan *context, VkCommandBuffer commands)
 
 void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands)
 {
-    bool lit = chiaro_vulkan_lit(context), gi = chiaro_vulkan_gi(context);
+    bool lit = chiaro_vulkan_lights(context) > 0, gi = chiaro_vulkan_gi(context);
     bool lights = lit && context->lights.changed, leaves = gi && context->sky.changed;
     bool bounce = gi && context->gi_changed;
     context->dispatches = context->shadow_passes = 0;
@@ -261,13 +301,13 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands)
         /* The frames before may still read what is written now. */
         VkPipelineStageFlags readers = VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT |
                                        VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
-        barrier(context, commands, readers, 0, VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
-                0);
+        chiaro_record_barrier(context, commands, readers, 0,
+                              VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, 0);
         if (lights)
             write_lights(context, commands);
         if (leaves)
             write_sky_leaves(context, commands);
-        barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT,
+        chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT,
                 VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT,
                 VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT);
         context->updates++;
@@ -276,9 +316,11 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands)
         record_shadow_maps(context, commands);
     if (bounce) {
         record_gi(context, commands);
-        barrier(context, commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT,
+        chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT,
                 VK_PIPELINE_STAGE_VERTEX_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT);
     }
+    if (gi)
+        chiaro_objects_read_back(context, commands);
     context->lights.changed &= !lit;
     context->sky.changed &= !gi;
     context->gi_changed &= !gi;
@@ -306,49 +348,88 @@ static Vec3 eye_of(const float view[16])
                 -(view[8] * t.x + view[9] * t.y + view[10] * t.z));
 }
 
-static void draw_parts(ChiaroVulkan *context, const ChiaroVulkanDraw *draw, float exposure)
+/* A pipeline and the sets that its kind of light needs. */
+static void bind_forward(ChiaroVulkan *context, VkCommandBuffer commands, const Pipeline *pipeline, uint32_t lighting,
+                         bool object)
 {
     const VulkanFunctions *vk = &context->vk;
+    const VkPipelineBindPoint graphics = VK_PIPELINE_BIND_POINT_GRAPHICS;
+    vk->CmdBindPipeline(commands, graphics, pipeline->pipeline);
+    if (lighting & FORWARD_LIT)
+        vk->CmdBindDescriptorSets(commands, graphics, pipeline->layout, 0, 1, &context->lights.set, 0, NULL);
+    if ((lighting & FORWARD_GI) && !object)
+        vk->CmdBindDescriptorSets(commands, graphics, pipeline->layout, 1, 1, &context->scene.irradiance_set, 0, NULL);
+    if ((lighting & FORWARD_BLOCKED) || object)
+        vk->CmdBindDescriptorSets(commands, graphics, pipeline->layout, 3, 1, &context->objects.set, 0, NULL);
+}
+
+static void draw_part(ChiaroVulkan *context, VkCommandBuffer commands, const Pipeline *pipeline, const SceneState *scene,
+                      const DrawPart *part, uint32_t instance, ChiaroForwardPush *push)
+{
+    const VulkanFunctions *vk = &context->vk;
+    const ChiaroMaterial *material = &part->material;
+    if (part->index_count == 0)
+        return;
+    if (part->surface & SURFACE_TEXTURED)
+        vk->CmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->layout, 2, 1,
+                                  &scene->texture_sets[part->texture_set], 0, NULL);
+    memcpy(push->albedo, material->albedo, sizeof material->albedo);
+    memcpy(push->emission, material->emission, sizeof material->emission);
+    push->albedo[3] = material->alpha;
+    push->emission[3] = material->alpha_cutoff;
+    push->flags[0] = material->albedo_texture != CHIARO_NONE;
+    push->flags[1] = material->emission_texture != CHIARO_NONE;
+    push->flags[2] = push->flags[3] = 0;
+    vk->CmdPushConstants(commands, pipeline->layout, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, 0,
+                         sizeof *push, push);
+    vk->CmdDrawIndexed(commands, part->index_count, 1, part->first_index, 0, instance);
+}
+
+static void draw_parts(ChiaroVulkan *context, VkCommandBuffer commands, ChiaroForwardPush *push)
+{
     const SceneState *scene = &context->scene;
-    VkCommandBuffer commands = draw->command_buffer;
-    const VkShaderStageFlags stages = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT;
-    uint32_t lighting = chiaro_forward_lighting(context), bound = SURFACE_KINDS;
+    uint32_t lighting = chiaro_forward_lighting(context);
+    const Pipeline *bound = NULL;
     VkBuffer vertices[2] = {scene->vertices.buffer, scene->vertex_receivers.buffer};
     VkDeviceSize offsets[2] = {0, 0};
-    ChiaroForwardPush push;
-    multiply(draw->projection, draw->view, push.view_projection);
-    vec3_store(push.eye, eye_of(draw->view));
-    push.eye[3] = exposure;
-    vk->CmdBindVertexBuffers(commands, 0, lighting & FORWARD_GI ? 2 : 1, vertices, offsets);
-    vk->CmdBindIndexBuffer(commands, scene->indices.buffer, 0, VK_INDEX_TYPE_UINT32);
+    context->vk.CmdBindVertexBuffers(commands, 0, lighting & FORWARD_GI ? 2 : 1, vertices, offsets);
+    context->vk.CmdBindIndexBuffer(commands, scene->indices.buffer, 0, VK_INDEX_TYPE_UINT32);
     for (uint32_t i = 0; i < scene->part_count; i++) {
         const DrawPart *part = &scene->parts[i];
-        const ChiaroMaterial *material = &part->material;
-        const Pipeline *pipeline = &context->forward[lighting][part->surface];
-        if (part->index_count == 0 || !pipeline->pipeline)
+        uint32_t own = chiaro_objects_near(context, part) ? lighting : lighting & ~(uint32_t)FORWARD_BLOCKED;
+        const Pipeline *pipeline = &context->forward[own][part->surface];
+        if (!pipeline->pipeline)
             continue;
-        if (part->surface != bound) {
-            vk->CmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->pipeline);
-            if (lighting & FORWARD_LIT)
-                vk->CmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->layout, 0, 1,
-                                          &context->lights.set, 0, NULL);
-            if (lighting & FORWARD_GI)
-                vk->CmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->layout, 1, 1,
-                                          &scene->irradiance_set, 0, NULL);
-            bound = part->surface;
+        if (pipeline != bound)
+            bind_forward(context, commands, pipeline, own, false);
+        bound = pipeline;
+        draw_part(context, commands, pipeline, scene, part, 0, push);
+    }
+}
+
+static void draw_objects(ChiaroVulkan *context, VkCommandBuffer commands, ChiaroForwardPush *push)
+{
+    const ObjectsState *objects = &context->objects;
+    uint32_t lighting = chiaro_object_lighting(context);
+    VkBuffer vertices[2] = {objects->meshes.vertices.buffer, objects->vertices.buffer};
+    VkDeviceSize offsets[2] = {0, 0};
+    if (!objects->arena)
+        return;
+    context->vk.CmdBindVertexBuffers(commands, 0, lighting & FORWARD_GI ? 2 : 1, vertices, offsets);
+    context->vk.CmdBindIndexBuffer(commands, objects->meshes.indices.buffer, 0, VK_INDEX_TYPE_UINT32);
+    for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++) {
+        const Pipeline *pipeline = &context->forward_objects[lighting][kind];
+        if (!(objects->meshes.surfaces >> kind & 1) || !pipeline->pipeline)
+            continue;
+        bind_forward(context, commands, pipeline, lighting, true);
+        for (uint32_t id = 0; id < objects->capacity; id++) {
+            if (!objects->shown[id].placed)
+                continue;
+            const ObjectMesh *mesh = &objects->meshes_by_number[objects->shown[id].mesh];
+            for (uint32_t i = 0; i < mesh->count[kind]; i++)
+                draw_part(context, commands, pipeline, &objects->meshes, &objects->meshes.parts[mesh->first[kind] + i],
+                          id, push);
         }
-        if (part->surface & SURFACE_TEXTURED)
-            vk->CmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline->layout, 2, 1,
-                                      &scene->texture_sets[part->texture_set], 0, NULL);
-        memcpy(push.albedo, material->albedo, sizeof material->albedo);
-        memcpy(push.emission, material->emission, sizeof material->emission);
-        push.albedo[3] = material->alpha;
-        push.emission[3] = material->alpha_cutoff;
-        push.flags[0] = material->albedo_texture != CHIARO_NONE;
-        push.flags[1] = material->emission_texture != CHIARO_NONE;
-        push.flags[2] = push.flags[3] = 0;
-        vk->CmdPushConstants(commands, pipeline->layout, stages, 0, sizeof push, &push);
-        vk->CmdDrawIndexed(commands, part->index_count, 1, part->first_index, 0, 0);
     }
 }
 
@@ -385,7 +466,12 @@ void chiaro_record_draw(ChiaroVulkan *context, const ChiaroVulkanDraw *draw)
     float exposure = exp2f(context->settings.exposure);
     context->vk.CmdSetViewport(draw->command_buffer, 0, 1, &draw->viewport);
     context->vk.CmdSetScissor(draw->command_buffer, 0, 1, &draw->scissor);
-    draw_parts(context, draw, exposure);
+    ChiaroForwardPush push;
+    multiply(draw->projection, draw->view, push.view_projection);
+    vec3_store(push.eye, eye_of(draw->view));
+    push.eye[3] = exposure;
+    draw_parts(context, draw->command_buffer, &push);
+    draw_objects(context, draw->command_buffer, &push);
     /* A sky that no update has copied yet is not there yet. */
     if (chiaro_vulkan_background(context) && !context->sky.upload.arena && context->sky_background.pipeline)
         draw_sky(context, draw, exposure);

@@ -21,6 +21,16 @@ static bool is_textured(const ChiaroMaterial *material)
     return material->albedo_texture != CHIARO_NONE || material->emission_texture != CHIARO_NONE;
 }
 
+/* True if the material of part `index` is met here for the first time. Materials that no part has are not looked at: a
+ * scene and its objects share a list of them. */
+static bool first_use(const ChiaroScene *scene, uint32_t index)
+{
+    for (uint32_t i = 0; i < index; i++)
+        if (scene->parts[i].material == scene->parts[index].material)
+            return false;
+    return true;
+}
+
 /* Bounds of all vertices, and of one part's. */
 static void grow_bounds(float low[3], float high[3], const float position[3])
 {
@@ -42,6 +52,7 @@ static void describe_part(const ChiaroTransport *transport, uint32_t index, Draw
                        .shadow_count = coarse->index_count,
                        .low = {INFINITY, INFINITY, INFINITY},
                        .high = {-INFINITY, -INFINITY, -INFINITY},
+                       .number = index,
                        .material = scene->materials[coarse->material]};
     bool masked = part->material.alpha_cutoff > 0;
     part->surface = (is_textured(&part->material) ? SURFACE_TEXTURED : 0u) | (masked ? SURFACE_MASKED : 0u);
@@ -56,9 +67,8 @@ static void describe_part(const ChiaroTransport *transport, uint32_t index, Draw
 }
 
 /* Parts in the order of their surfaces, so that a pipeline is bound once. */
-static ChiaroResult describe_parts(ChiaroVulkan *context, const ChiaroTransport *transport)
+static ChiaroResult describe_parts(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport)
 {
-    SceneState *state = &context->scene;
     DrawPart *parts = chiaro_vulkan_alloc(context, transport->part_count, sizeof *parts);
     state->texture_sets = chiaro_vulkan_alloc(context, transport->scene.material_count, sizeof(VkDescriptorSet));
     state->parts = parts;
@@ -85,12 +95,12 @@ static ChiaroResult describe_parts(ChiaroVulkan *context, const ChiaroTransport 
 }
 
 /* Images of the textures that materials use; `images` and `views` have an entry a texture. Returns the staging bytes. */
-static uint64_t create_textures(ChiaroVulkan *context, const ChiaroScene *scene, VkImage *images)
+static uint64_t create_textures(ChiaroVulkan *context, SceneState *state, const ChiaroScene *scene, VkImage *images)
 {
-    SceneState *state = &context->scene;
     uint64_t staging = 0;
-    for (uint32_t m = 0; m < scene->material_count; m++) {
-        uint32_t used[2] = {scene->materials[m].albedo_texture, scene->materials[m].emission_texture};
+    for (uint32_t p = 0; p < scene->part_count; p++) {
+        const ChiaroMaterial *material = &scene->materials[scene->parts[p].material];
+        uint32_t used[2] = {material->albedo_texture, material->emission_texture};
         for (int i = 0; i < 2; i++) {
             if (used[i] == CHIARO_NONE || images[used[i]])
                 continue;
@@ -105,10 +115,9 @@ static uint64_t create_textures(ChiaroVulkan *context, const ChiaroScene *scene,
     return staging;
 }
 
-static void bind_texture(ChiaroVulkan *context, const ChiaroScene *scene, const VkImage *images, VkDescriptorSet set,
-                         uint32_t binding, uint32_t index)
+static void bind_texture(ChiaroVulkan *context, Arena *arena, const ChiaroScene *scene, const VkImage *images,
+                         VkDescriptorSet set, uint32_t binding, uint32_t index)
 {
-    Arena *arena = context->scene.arena;
     const ChiaroTexture *texture = &scene->textures[index];
     VkImageView view =
         chiaro_arena_view(context, arena, images[index], VK_IMAGE_VIEW_TYPE_2D, VK_FORMAT_R8G8B8A8_SRGB, 0, 1);
@@ -118,31 +127,31 @@ static void bind_texture(ChiaroVulkan *context, const ChiaroScene *scene, const 
         chiaro_set_image(context, set, binding, view, sampler, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL);
 }
 
-static void create_texture_sets(ChiaroVulkan *context, const ChiaroScene *scene, const VkImage *images)
+static void create_texture_sets(ChiaroVulkan *context, SceneState *state, const ChiaroScene *scene,
+                                const VkImage *images)
 {
-    SceneState *state = &context->scene;
     uint32_t count = 0;
-    for (uint32_t m = 0; m < scene->material_count; m++)
-        count += is_textured(&scene->materials[m]);
+    for (uint32_t p = 0; p < scene->part_count; p++)
+        count += is_textured(&scene->materials[scene->parts[p].material]) && first_use(scene, p);
     if (count == 0)
         return;
     VkDescriptorPool pool = chiaro_pool_create(context, state->arena, count, 0, 2 * count);
-    for (uint32_t m = 0; m < scene->material_count; m++) {
+    for (uint32_t p = 0; p < scene->part_count; p++) {
+        uint32_t m = scene->parts[p].material;
         const ChiaroMaterial *material = &scene->materials[m];
-        if (!is_textured(material))
+        if (!is_textured(material) || !first_use(scene, p))
             continue;
         /* Where one of the two is missing the other takes its binding; the shader does not look at it. */
         uint32_t albedo = material->albedo_texture, emission = material->emission_texture;
         VkDescriptorSet set = chiaro_set_create(context, state->arena, pool, context->layouts.texture);
-        bind_texture(context, scene, images, set, 0, albedo != CHIARO_NONE ? albedo : emission);
-        bind_texture(context, scene, images, set, 1, emission != CHIARO_NONE ? emission : albedo);
+        bind_texture(context, state->arena, scene, images, set, 0, albedo != CHIARO_NONE ? albedo : emission);
+        bind_texture(context, state->arena, scene, images, set, 1, emission != CHIARO_NONE ? emission : albedo);
         state->texture_sets[m] = set;
     }
 }
 
-static void create_mesh(ChiaroVulkan *context, const ChiaroTransport *transport)
+static void create_mesh(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport)
 {
-    SceneState *state = &context->scene;
     const ChiaroScene *scene = &transport->scene;
     const VkBufferUsageFlags copied = VK_BUFFER_USAGE_TRANSFER_DST_BIT;
     const VkBufferUsageFlags vertex = VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | copied;
@@ -161,9 +170,8 @@ static void create_mesh(ChiaroVulkan *context, const ChiaroTransport *transport)
             chiaro_arena_buffer(context, state->arena, 12 * (uint64_t)scene->vertex_count, vertex, false, bytes);
 }
 
-static void create_gi(ChiaroVulkan *context, const ChiaroTransport *transport)
+static void create_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport)
 {
-    SceneState *state = &context->scene;
     Arena *arena = state->gi_arena;
     const VkBufferUsageFlags usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
     const uint64_t samples = transport->sample_count, nodes = transport->node_count,
@@ -208,9 +216,8 @@ static void put(ChiaroVulkan *context, Upload *upload, DeviceBuffer buffer, cons
     memcpy(chiaro_upload_buffer(context, upload, buffer), data, buffer.size);
 }
 
-static void fill_mesh(ChiaroVulkan *context, const ChiaroTransport *transport, Upload *upload)
+static void fill_mesh(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport, Upload *upload)
 {
-    SceneState *state = &context->scene;
     const ChiaroScene *scene = &transport->scene;
     put(context, upload, state->vertices, transport->vertices);
     put(context, upload, state->indices, transport->indices);
@@ -237,9 +244,8 @@ static void fill_textures(ChiaroVulkan *context, const ChiaroScene *scene, const
     }
 }
 
-static void fill_gi(ChiaroVulkan *context, const ChiaroTransport *transport, Upload *upload)
+static void fill_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport, Upload *upload)
 {
-    SceneState *state = &context->scene;
     ChiaroGpuSample *samples = chiaro_upload_buffer(context, upload, state->samples);
     for (uint32_t i = 0; i < transport->sample_count; i++) {
         const ChiaroSample *from = &transport->samples[i];
@@ -302,25 +308,24 @@ static ChiaroResult check_transport(const ChiaroVulkan *context, const ChiaroTra
 }
 
 /* Everything but the textures' bookkeeping; `images` has an entry a texture. */
-static ChiaroResult upload_scene(ChiaroVulkan *context, const ChiaroTransport *transport, VkCommandBuffer commands,
-                                 VkImage *images)
+static ChiaroResult upload_scene(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport,
+                                 VkCommandBuffer commands, VkImage *images)
 {
-    SceneState *state = &context->scene;
     const ChiaroScene *scene = &transport->scene;
-    ChiaroResult result = describe_parts(context, transport);
+    ChiaroResult result = describe_parts(context, state, transport);
     if (result != CHIARO_OK)
         return result;
-    create_mesh(context, transport);
-    uint64_t staging = create_textures(context, scene, images);
+    create_mesh(context, state, transport);
+    uint64_t staging = create_textures(context, state, scene, images);
     chiaro_arena_bind(context, state->arena);
-    create_texture_sets(context, scene, images);
+    create_texture_sets(context, state, scene, images);
     if (state->arena->result != CHIARO_OK)
         return state->arena->result;
     if (!context->settings.gi_off && has_transport(transport)) {
         state->gi_arena = chiaro_arena_create(context);
         if (!state->gi_arena)
             return CHIARO_ERROR_MEMORY;
-        create_gi(context, transport);
+        create_gi(context, state, transport);
         if (state->gi_arena->result != CHIARO_OK)
             return state->gi_arena->result;
     }
@@ -329,10 +334,10 @@ static ChiaroResult upload_scene(ChiaroVulkan *context, const ChiaroTransport *t
         return CHIARO_ERROR_MEMORY;
     result = upload.arena->result;
     if (result == CHIARO_OK) {
-        fill_mesh(context, transport, &upload);
+        fill_mesh(context, state, transport, &upload);
         fill_textures(context, scene, images, &upload);
         if (state->gi_arena)
-            fill_gi(context, transport, &upload);
+            fill_gi(context, state, transport, &upload);
         VkMemoryBarrier barrier = {.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
                                    .srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
                                    .dstAccessMask = VK_ACCESS_VERTEX_ATTRIBUTE_READ_BIT | VK_ACCESS_INDEX_READ_BIT |
@@ -345,9 +350,9 @@ static ChiaroResult upload_scene(ChiaroVulkan *context, const ChiaroTransport *t
     return result;
 }
 
-ChiaroResult chiaro_scene_upload(ChiaroVulkan *context, const ChiaroTransport *transport, VkCommandBuffer commands)
+ChiaroResult chiaro_scene_upload(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport,
+                                 VkCommandBuffer commands)
 {
-    SceneState *state = &context->scene;
     ChiaroResult result = check_transport(context, transport);
     if (result != CHIARO_OK)
         return result;
@@ -358,16 +363,15 @@ ChiaroResult chiaro_scene_upload(ChiaroVulkan *context, const ChiaroTransport *t
         const float *emission = transport->samples[i].emission;
         state->emitters += emission[0] > 0 || emission[1] > 0 || emission[2] > 0;
     }
-    result = images && state->arena ? upload_scene(context, transport, commands, images) : CHIARO_ERROR_MEMORY;
+    result = images && state->arena ? upload_scene(context, state, transport, commands, images) : CHIARO_ERROR_MEMORY;
     chiaro_vulkan_free(context, images);
     if (result != CHIARO_OK)
-        chiaro_scene_release(context);
+        chiaro_scene_release(context, state);
     return result;
 }
 
-void chiaro_scene_release(ChiaroVulkan *context)
+void chiaro_scene_release(ChiaroVulkan *context, SceneState *state)
 {
-    SceneState *state = &context->scene;
     chiaro_arena_retire(context, &state->arena);
     chiaro_arena_retire(context, &state->gi_arena);
     chiaro_vulkan_free(context, state->texture_sets);

@@ -1,18 +1,20 @@
-/* The sky: an image behind the picture, and the value of every sky leaf of the tree (sky dome of the article).
+/* The sky: an image behind the picture, and the value of every sky leaf of the tree (sky dome of the article). A sun that
+ * the leaves are too wide for is taken out of them and shines as one more light.
  *
  * It may come before or after the scene, and without a command buffer: the image is staged here and copied by the next
  * update.
  */
 #include "context.h"
 
-/* The copy in the context, RGB. */
-static ChiaroResult copy_sky(ChiaroVulkan *context, const ChiaroSky *sky, float **copy)
+/* The copy in the context, RGB, and its sun apart. */
+static ChiaroResult copy_sky(ChiaroVulkan *context, const ChiaroSky *sky, SkyState *made)
 {
-    size_t floats = 3 * (size_t)sky->width * sky->height;
-    *copy = chiaro_vulkan_alloc(context, floats, sizeof(float));
-    if (!*copy)
+    float *copy = chiaro_vulkan_alloc(context, 3 * (size_t)sky->width * sky->height, sizeof(float));
+    if (!copy)
         return CHIARO_ERROR_MEMORY;
-    memcpy(*copy, sky->radiance, floats * sizeof(float));
+    made->set = true;
+    made->sky = (ChiaroSky){sky->width, sky->height, copy};
+    made->has_sun = chiaro_sky_split(sky, &made->sun, &made->sun_radius, copy);
     return CHIARO_OK;
 }
 
@@ -58,10 +60,7 @@ ChiaroResult chiaro_sky_take(ChiaroVulkan *context, const ChiaroSky *sky)
 {
     SkyState *state = &context->sky, made = {.changed = true};
     if (sky && sky->radiance) {
-        float *copy = NULL;
-        ChiaroResult result = copy_sky(context, sky, &copy);
-        made.set = true;
-        made.sky = (ChiaroSky){sky->width, sky->height, copy};
+        ChiaroResult result = copy_sky(context, sky, &made);
         if (result == CHIARO_OK)
             result = create_image(context, sky, &made);
         if (result != CHIARO_OK) {
@@ -70,6 +69,7 @@ ChiaroResult chiaro_sky_take(ChiaroVulkan *context, const ChiaroSky *sky)
         }
     }
     made.values = state->values;
+    context->lights.changed = true;
     release_image(context, state);
     *state = made;
     return chiaro_sky_prepare(context);
@@ -100,6 +100,7 @@ ChiaroResult chiaro_sky_prepare(ChiaroVulkan *context)
 
 void chiaro_sky_release(ChiaroVulkan *context)
 {
+    context->lights.changed = true;
     release_image(context, &context->sky);
     chiaro_vulkan_free(context, context->sky.values);
     context->sky = (SkyState){.changed = true};

@@ -1,0 +1,4 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#define CHIARO_BLOCKED
+#include "forward_fragment.glsl"

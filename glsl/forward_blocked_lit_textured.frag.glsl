@@ -1,0 +1,6 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#define CHIARO_BLOCKED
+#define CHIARO_LIT
+#define CHIARO_TEXTURED
+#include "forward_fragment.glsl"

@@ -1,0 +1,279 @@
+/* Chiaro: the world of things that move (article: Neighbor lists, The world is a hierarchical BRDF, Environment maps).
+ *
+ * An object is baked once, in its own space, with chiaro_bake_object(): how much of its surroundings each vertex sees,
+ * what it looks like from afar, where it needs an environment cube. Placed in a world, it is lit by the sky, by the
+ * static scene and by other objects; and it darkens and tints what it stands on.
+ *
+ *   once        chiaro_world_create(), chiaro_world_sky(), chiaro_object_add()
+ *   per frame   chiaro_object_move(), chiaro_world_light() when light changed, chiaro_world_update() with a budget
+ *   then        upload the cubes that were painted, and the blockers if their revision rose
+ *
+ * Light on an object's surface, without what lamps send there straight (that is the host's: the `punctual` component):
+ *
+ *     irradiance = pi * cavity * sum over the vertex' parts of weight * cube(rotation * bent)
+ *
+ * with cavity, bent, parts and weights of ChiaroObjectVertex, and the cube of slot first_slot + part. Cubes lie along
+ * the axes of the world, faces in Vulkan's order; looked up bilinearly and without seams. chiaro_object_irradiance() is
+ * the same on the CPU.
+ *
+ * Light on a static surface:     irradiance' = open * irradiance + bounce
+ *
+ * with `open` and `bounce` of chiaro_world_blocked(), which a shader does by pixel from ChiaroWorldBlockers.
+ *
+ * Rounds. Cubes are painted in rounds: each cube once a round. All of a round sees the world as it was when the round
+ * began, so neither the number of its slices nor their size can be seen in what comes out; light between objects
+ * takes one more bounce each round. When nothing has changed for CHIARO_WORLD_SETTLE_ROUNDS rounds, nothing is done.
+ *
+ * One world is used by one thread at a time. Nothing is allocated but in create, sky and light. Matrices are
+ * column-major, object to world: a rotation, a uniform scale, a translation.
+ */
+#ifndef CHIARO_CHIARO_WORLD_H
+#define CHIARO_CHIARO_WORLD_H
+
+#include "chiaro_neighbours.h"
+#include "chiaro_objects.h"
+#include "chiaro_primitives.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define CHIARO_MAX_OBJECT_PARTS 8u      /**< Cubes of one object. */
+#define CHIARO_MAX_OBJECT_BLOCKERS 12u  /**< Blockers that stand for one object. */
+#define CHIARO_MAX_WORLD_OBJECTS 65536u
+#define CHIARO_MAX_WORLD_CELLS 4096u    /**< Of the grid of blockers. */
+#define CHIARO_MAX_CELL_BLOCKERS 24u    /**< In one of them. */
+#define CHIARO_WORLD_SETTLE_ROUNDS 24u
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * A baked object: views into one block of bytes
+ */
+
+/** What the bake adds to a vertex of the object's scene. */
+typedef struct ChiaroObjectVertex {
+    float cavity[3]; /**< Light that arrives in even surroundings, with what the object's own surface gives back. */
+    float open;      /**< Cosine-weighted share of the hemisphere that the object itself leaves open. */
+    float bent[3];   /**< Unit: mean of the open directions, cosine-weighted. In the object's space. */
+    uint8_t parts[4];   /**< Whose cubes light it. */
+    uint8_t weights[4]; /**< How much: together 255. */
+} ChiaroObjectVertex;
+
+/** What the bake adds to an element of the surface. */
+typedef struct ChiaroObjectElement {
+    float cavity[3];   /**< As of a vertex. */
+    uint32_t part;     /**< Whose cube lights it. */
+    float emission[3]; /**< Radiosity, W/m^2. */
+    uint32_t reserved;
+} ChiaroObjectElement;
+
+/** A piece of the object that has an environment cube of its own; most objects are one. */
+typedef struct ChiaroObjectPart {
+    float center[3]; /**< The cube's. */
+    float radius;    /**< Of a sphere about it that holds the part. */
+} ChiaroObjectPart;
+
+typedef struct ChiaroObject {
+    const ChiaroObjectVertex *vertices; /**< As many, and in the order, as the scene that was baked. */
+    const ChiaroElement *elements;
+    const ChiaroObjectElement *element_more; /**< As many. */
+    ChiaroPrimitives primitives;             /**< The hierarchical BRDF over the elements. */
+    const ChiaroObjectPart *parts;
+    const float *hull; /**< Four floats a texel, for each part: cubes of edge 4, then 6, then 8. Where, from the part's
+                            centre, surface lies whose normal is the texel's direction. */
+    float center[3];   /**< Of the whole object. */
+    float radius;      /**< Of a sphere about it that holds all of it. */
+    uint32_t vertex_count, element_count, part_count;
+} ChiaroObject;
+
+/** Texels of a part's hull: those of three cubes. */
+#define CHIARO_HULL_TEXELS (6u * (4u * 4u + 6u * 6u + 8u * 8u))
+
+/** Reads a baked object in place: checks magic, version, checksum, and every count, index and range.
+ * @param data the bytes, aligned to 16, which must outlive `object`. @param size their number.
+ * @param object receives views into `data`. @param log gets the reason of a refusal; may be NULL.
+ * @errors CHIARO_ERROR_ARGUMENT, CHIARO_ERROR_DATA, CHIARO_ERROR_VERSION. @thread_safety any thread. */
+CHIARO_API ChiaroResult chiaro_object_open(const void *data, size_t size, ChiaroObject *object, const ChiaroLog *log);
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * The world
+ */
+
+typedef struct ChiaroWorld ChiaroWorld;
+
+/** Zero means default. */
+typedef struct ChiaroWorldDesc {
+    uint32_t struct_size;     /**< sizeof(ChiaroWorldDesc). */
+    uint32_t object_capacity; /**< Most objects at a time, 1 .. CHIARO_MAX_WORLD_OBJECTS. No default. */
+    uint32_t cube_capacity;   /**< Most cubes: slots 0 .. cube_capacity - 1. Default: object_capacity. */
+    uint32_t element_capacity; /**< Most elements of all objects together. Default: 96 an object. */
+    uint32_t edge;            /**< Of a cube: 4, 6 or 8. Default 4. */
+    uint32_t format;          /**< ChiaroCubeFormat of the encoded cubes. */
+    uint32_t neighbours;      /**< Length of the neighbour lists. Default 8. */
+    uint32_t seed;            /**< Of their random choices. */
+    const ChiaroTransport *transport; /**< The static scene, which must outlive the world; NULL: none. */
+    ChiaroAllocator allocator;        /**< Default malloc and free. */
+    ChiaroLog log;
+} ChiaroWorldDesc;
+
+/** Makes a world without objects, dark.
+ * @param world receives it; NULL on failure.
+ * @errors CHIARO_ERROR_ARGUMENT, CHIARO_ERROR_MEMORY, CHIARO_ERROR_DATA: the transport's tree is not one.
+ * @thread_safety any thread. @lifetime until chiaro_world_destroy(). */
+CHIARO_API ChiaroResult chiaro_world_create(const ChiaroWorldDesc *desc, ChiaroWorld **world);
+
+/** @param world may be NULL. @thread_safety one thread a world. */
+CHIARO_API void chiaro_world_destroy(ChiaroWorld *world);
+
+/** The description with every default filled in. @thread_safety one thread a world. @lifetime that of the world. */
+CHIARO_API const ChiaroWorldDesc *chiaro_world_desc(const ChiaroWorld *world);
+
+/** Sets the sky behind everything. Reads the whole image: for loading, not for every frame.
+ * @param sky NULL: black; not needed afterwards. @errors CHIARO_ERROR_ARGUMENT. @thread_safety one thread a world. */
+CHIARO_API ChiaroResult chiaro_world_sky(ChiaroWorld *world, const ChiaroSky *sky);
+
+/** Light, as the static scene has it. Zero: dark. */
+typedef struct ChiaroWorldLight {
+    uint32_t struct_size;      /**< sizeof(ChiaroWorldLight). */
+    uint32_t light_count;
+    const ChiaroLight *lights; /**< Punctual lights; copied. */
+    ChiaroVisibleFunc visible; /**< Shadow test for points of objects and of surfaces near them, called in
+                                    chiaro_world_update(); NULL: no shadow on objects. */
+    void *user;                /**< Of `visible`. */
+    /** Radiosity of the transport's nodes: straight from lights, with emission (what chiaro_samples_light() or the
+     * first half of ChiaroVulkanBuffers.values holds), and of all light (the second half). Copied. NULL: black. */
+    const float *direct, *total;
+    uint32_t stride; /**< Floats from node to node: 3 or 4. */
+    uint32_t reserved;
+} ChiaroWorldLight;
+
+/** Takes new light over: beginning with the next round, if one is under way.
+ * @errors CHIARO_ERROR_ARGUMENT: a bad light, values that are not finite or negative, a stride; CHIARO_ERROR_MEMORY. The
+ * light before stays then. @thread_safety one thread a world. @lifetime `visible` and `user` until the next call. */
+CHIARO_API ChiaroResult chiaro_world_light(ChiaroWorld *world, const ChiaroWorldLight *light);
+
+/** Places an object. Several may share one bake. It has light after the first round that it takes part in.
+ * @param object copied; what it views must outlive the placed object. @param transform 16 floats.
+ * @param id receives the number by which it is called from now on: less than object_capacity.
+ * @errors CHIARO_ERROR_ARGUMENT: the transform; CHIARO_ERROR_MEMORY: a capacity of the world is used up.
+ * @thread_safety one thread a world. */
+CHIARO_API ChiaroResult chiaro_object_add(ChiaroWorld *world, const ChiaroObject *object, const float transform[16],
+                                          uint32_t *id);
+
+/** Moves an object; counts from the next round on.
+ * @errors CHIARO_ERROR_ARGUMENT: no such object; a matrix that does more than rotate, scale evenly and move.
+ * @thread_safety one thread a world. */
+CHIARO_API ChiaroResult chiaro_object_move(ChiaroWorld *world, uint32_t id, const float transform[16]);
+
+/** Takes an object away. Its number and its slots may be given to another one.
+ * @errors CHIARO_ERROR_ARGUMENT: no such object. @thread_safety one thread a world. */
+CHIARO_API ChiaroResult chiaro_object_remove(ChiaroWorld *world, uint32_t id);
+
+/** A placed object. */
+typedef struct ChiaroObjectState {
+    const ChiaroObject *object;
+    float transform[16];
+    uint32_t first_slot, part_count; /**< Part p has the cube of slot first_slot + p. */
+} ChiaroObjectState;
+
+/** @return false: no such object. @thread_safety one thread a world. @lifetime of `object`: until it is removed. */
+CHIARO_API bool chiaro_object_state(const ChiaroWorld *world, uint32_t id, ChiaroObjectState *state);
+
+/** Repaints cubes: the next ones of the round. Where a budget is left at the end of a round, it ends there: at most one
+ * round a call.
+ * @param budget cubes, at most. Objects are not split: one with more parts than that is painted as a whole.
+ * @param painted receives the slots that changed: room for budget + CHIARO_MAX_OBJECT_PARTS; NULL: not wanted.
+ * @return how many were painted; 0: all is settled, or the budget was 0. @thread_safety one thread a world. */
+CHIARO_API uint32_t chiaro_world_update(ChiaroWorld *world, uint32_t budget, uint32_t *painted);
+
+/** What a slot shows. */
+typedef struct ChiaroWorldCube {
+    const float *texels;  /**< Four floats each: irradiance / pi, and 1. NULL: never painted. */
+    const void *encoded;  /**< 6 * edge * edge texels of the world's format. */
+    size_t encoded_bytes;
+    float scale;          /**< What decoded colours are multiplied with. */
+    uint32_t id, part;    /**< Whose it is; CHIARO_NONE: nobody's. */
+} ChiaroWorldCube;
+
+/** @param slot less than cube_capacity. @return false: no such slot. @thread_safety one thread a world.
+ * @lifetime until the slot is painted again, or its object removed. */
+CHIARO_API bool chiaro_world_cube(const ChiaroWorld *world, uint32_t slot, ChiaroWorldCube *cube);
+
+/** Light on a vertex of an object, as the shader computes it.
+ * @param vertex less than the object's vertex_count. @param irradiance receives three floats, never negative.
+ * @errors CHIARO_ERROR_ARGUMENT: no such object or vertex. @thread_safety one thread a world. */
+CHIARO_API ChiaroResult chiaro_object_irradiance(const ChiaroWorld *world, uint32_t id, uint32_t vertex,
+                                                 float irradiance[3]);
+
+/** The neighbour lists: kind 0 gives light, kind 1 occludes. Indices are the objects' numbers.
+ * @thread_safety one thread a world. @lifetime lists until the next chiaro_world_update(). */
+CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *world);
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Back onto the static world
+ */
+
+/** What stands for an object, or for a piece of it, where it blocks and reflects light: 16-byte members, for a GPU.
+ *
+ * Ball (plate == 0): a sphere about `center` that shines as its axes say. With w the unit direction from the blocker to
+ * the receiver, the axes that w points along count with the squares of its components, which add up to 1:
+ *     area = sum w_i^2 axes[i][3], radiance = sum w_i^2 axes[i].rgb,
+ *     form = chiaro_sphere_form(.., center, sqrt(area / pi)).
+ * Plate (plate == 1): a rectangle that is seen from the side of `normal` only, with half edges axes[1].xyz and
+ * axes[2].xyz and the radiance axes[0].rgb:
+ *     form = chiaro_rectangle_form().
+ * In either case form is multiplied by chiaro_blocker_window(distance from center, reach), so that nothing ends with an
+ * edge. Blockers of one object follow each other in a cell. Of each object, form, pi * radiance * form and
+ * pi * emission * form are summed; then with left = 1 - min(1, sum of forms), `open` is multiplied by left, and bounce
+ * gains mix(sum of emission, sum of radiance, min(1, CHIARO_BLOCKER_GAP * sqrt(left))): close to where it touches, only
+ * that part of an object is seen which the gap between the two lights. */
+#define CHIARO_BLOCKER_GAP 1.6f
+typedef struct ChiaroWorldBlocker {
+    float center[3];
+    float reach;    /**< Beyond it, it does nothing. */
+    float normal[3];
+    uint32_t plate;
+    float axes[6][4]; /**< Ball: toward +x -x +y -y +z -z of the world: radiance, and projected area, m^2. */
+    float emission[3]; /**< Of the radiance, what it would have in the dark. */
+    uint32_t object;   /**< Its number. */
+} ChiaroWorldBlocker;
+
+/** All blockers, and a grid that tells which of them matter where. Cell (x, y, z) of a point is
+ * floor((point - low) / size); its number x + count[0] * (y + count[1] * z); outside the grid nothing is blocked. */
+typedef struct ChiaroWorldBlockers {
+    uint64_t revision; /**< Rises when anything of it may have changed. They follow objects and their light at once: in
+                            every chiaro_world_update() after something moved or was painted, also without a budget. */
+    const ChiaroWorldBlocker *blockers;
+    const uint32_t *cell_first; /**< Cell c has cell_blockers[cell_first[c] .. cell_first[c + 1] - 1]. */
+    const uint32_t *cell_blockers; /**< Numbers of blockers; those of one object follow each other. */
+    uint32_t blocker_count; /**< At most CHIARO_MAX_OBJECT_BLOCKERS * object_capacity. */
+    uint32_t cell_count;    /**< At most CHIARO_MAX_WORLD_CELLS; 0: there are no objects. */
+    uint32_t entry_count;   /**< Of cell_blockers: at most CHIARO_MAX_CELL_BLOCKERS * cell_count. */
+    uint32_t count[3];      /**< Cells along each axis. */
+    float low[3];
+    float size; /**< Of a cell, m. */
+} ChiaroWorldBlockers;
+
+/** @thread_safety one thread a world. @lifetime until the next chiaro_world_update(). */
+CHIARO_API void chiaro_world_blockers(const ChiaroWorld *world, ChiaroWorldBlockers *blockers);
+
+/** What objects do to a point of a static surface; see the top of this file.
+ * @param point, normal the receiver, in the world. @param bounce receives three floats, W/m^2.
+ * @return the open share of its ambient light, 0 .. 1. @thread_safety one thread a world. */
+CHIARO_API float chiaro_world_blocked(const ChiaroWorld *world, const float point[3], const float normal[3],
+                                      float bounce[3]);
+
+/** Form factor of a rectangle with corners center +- across +- along, seen from the side of cross(across, along) only.
+ * Lambert's sum over its edges, for corners that are moved up to the horizon where they lie below it: exact where
+ * all of it is above, as with walls on a floor. A receiver in its plane counts as just in front of it.
+ * @thread_safety any thread. */
+CHIARO_API float chiaro_rectangle_form(const float point[3], const float normal[3], const float center[3],
+                                       const float across[3], const float along[3]);
+
+/** 1 - (distance / reach)^4, at least 0. @thread_safety any thread. */
+CHIARO_API float chiaro_blocker_window(float distance, float reach);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,513 @@
+/* The world of objects: who is in it, how it is lit, and rounds (chiaro_world.h tells the whole). */
+#include "world.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* Axes of a matrix may differ so much, relative, from being of one length and at right angles. */
+static const float SKEW = 1e-3f;
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Memory
+ */
+
+/* Zeroed; never NULL for nothing. */
+void *chiaro_world_alloc(const ChiaroWorld *world, size_t count, size_t size)
+{
+    const ChiaroAllocator *allocator = &world->desc.allocator;
+    if (count > (SIZE_MAX - size) / size)
+        return NULL;
+    size_t bytes = count * size + size;
+    void *memory = allocator->alloc ? allocator->alloc(bytes, allocator->user) : malloc(bytes);
+    if (memory)
+        memset(memory, 0, bytes);
+    return memory;
+}
+
+void chiaro_world_free(const ChiaroWorld *world, void *memory)
+{
+    if (world->desc.allocator.free)
+        world->desc.allocator.free(memory, world->desc.allocator.user);
+    else
+        free(memory);
+}
+
+static bool resolve(const ChiaroWorldDesc *from, ChiaroWorldDesc *desc)
+{
+    if (!from || from->struct_size < sizeof *from)
+        return false;
+    *desc = *from;
+    if (desc->object_capacity < 1 || desc->object_capacity > CHIARO_MAX_WORLD_OBJECTS)
+        return false;
+    desc->cube_capacity = desc->cube_capacity ? desc->cube_capacity : desc->object_capacity;
+    desc->element_capacity = desc->element_capacity ? desc->element_capacity : 96 * desc->object_capacity;
+    desc->edge = desc->edge ? desc->edge : 4;
+    desc->neighbours = desc->neighbours ? desc->neighbours : 8;
+    return desc->cube_capacity <= CHIARO_MAX_OBJECT_PARTS * CHIARO_MAX_WORLD_OBJECTS &&
+           desc->element_capacity <= 1u << 26 && (desc->edge == 4 || desc->edge == 6 || desc->edge == 8) &&
+           chiaro_cube_format_size((ChiaroCubeFormat)desc->format) && desc->neighbours <= CHIARO_MAX_NEIGHBOURS &&
+           !desc->allocator.alloc == !desc->allocator.free;
+}
+
+static bool make_neighbours(ChiaroWorld *world)
+{
+    ChiaroNeighboursDesc desc = {.struct_size = sizeof desc, .object_count = world->desc.object_capacity,
+                                 .capacity = world->desc.neighbours, .seed = world->desc.seed};
+    size_t size = chiaro_neighbours_size(&desc);
+    world->neighbour_memory = chiaro_world_alloc(world, 1, size);
+    world->neighbour_objects = chiaro_world_alloc(world, world->desc.object_capacity, sizeof *world->neighbour_objects);
+    return world->neighbour_memory && world->neighbour_objects &&
+           chiaro_neighbours_init(&desc, world->neighbour_memory, size, &world->neighbours) == CHIARO_OK;
+}
+
+static bool make_shine(ChiaroWorld *world, Shine *shine)
+{
+    size_t texels = (size_t)world->desc.cube_capacity * world->texel_count;
+    shine->texels = chiaro_world_alloc(world, texels, 4 * sizeof(float));
+    shine->axes = chiaro_world_alloc(world, 2 * (size_t)world->desc.element_capacity, 18 * sizeof(float));
+    return shine->texels && shine->axes;
+}
+
+static bool make_grid(ChiaroWorld *world, BlockerGrid *grid)
+{
+    size_t entries = (size_t)CHIARO_MAX_WORLD_CELLS * CHIARO_MAX_CELL_BLOCKERS;
+    size_t blockers = (size_t)world->desc.object_capacity * CHIARO_MAX_OBJECT_BLOCKERS;
+    grid->blockers = chiaro_world_alloc(world, blockers, sizeof *grid->blockers);
+    grid->first = chiaro_world_alloc(world, CHIARO_MAX_WORLD_CELLS, sizeof *grid->first);
+    grid->entries = chiaro_world_alloc(world, entries, sizeof *grid->entries);
+    grid->weights = chiaro_world_alloc(world, entries, sizeof *grid->weights);
+    return grid->blockers && grid->first && grid->entries && grid->weights;
+}
+
+static bool make_values(ChiaroWorld *world, StaticLight *light)
+{
+    light->total = chiaro_world_alloc(world, world->node_count, 3 * sizeof(float));
+    light->ambient = chiaro_world_alloc(world, world->node_count, 3 * sizeof(float));
+    return light->total && light->ambient;
+}
+
+static ChiaroResult make_static(ChiaroWorld *world)
+{
+    const ChiaroTransport *t = world->desc.transport;
+    if (!t)
+        return CHIARO_OK;
+    world->node_count = t->node_count;
+    world->albedo = chiaro_world_alloc(world, t->node_count, 3 * sizeof(float));
+    world->roots = chiaro_world_alloc(world, t->node_count, sizeof *world->roots);
+    world->stack = chiaro_world_alloc(world, t->node_count, sizeof *world->stack);
+    if (!world->albedo || !world->roots || !world->stack || !make_values(world, &world->light) ||
+        !make_values(world, &world->coming))
+        return CHIARO_ERROR_MEMORY;
+    ChiaroResult result = chiaro_static_roots(world);
+    if (result == CHIARO_OK && !chiaro_static_tiles(world))
+        result = CHIARO_ERROR_MEMORY;
+    if (result != CHIARO_OK)
+        return result;
+    for (uint32_t s = 0; s < t->sample_count; s++)
+        memcpy(world->albedo + 3 * (size_t)s, t->samples[s].albedo, 3 * sizeof(float));
+    chiaro_tree_sum(t, world->albedo);
+    return CHIARO_OK;
+}
+
+static ChiaroResult make_world(ChiaroWorld *world)
+{
+    const ChiaroWorldDesc *desc = &world->desc;
+    const ChiaroAllocator *allocator = desc->allocator.alloc ? &desc->allocator : NULL;
+    ChiaroResult result = chiaro_cube_kernel_create(desc->edge, CHIARO_CUBE_FITTED, allocator, &world->kernel);
+    if (result != CHIARO_OK)
+        return result;
+    world->texel_count = chiaro_cube_texel_count(world->kernel);
+    world->encoded_bytes = world->texel_count * (size_t)chiaro_cube_format_size((ChiaroCubeFormat)desc->format);
+    world->sky = chiaro_world_alloc(world, world->texel_count, 4 * sizeof(float));
+    world->sky_slopes = chiaro_world_alloc(world, world->texel_count, sizeof *world->sky_slopes);
+    world->bodies = chiaro_world_alloc(world, desc->object_capacity, sizeof *world->bodies);
+    world->slot_taken = chiaro_world_alloc(world, desc->cube_capacity, 1);
+    world->slot_body = chiaro_world_alloc(world, desc->cube_capacity, sizeof *world->slot_body);
+    world->slot_painted = chiaro_world_alloc(world, desc->cube_capacity, sizeof *world->slot_painted);
+    world->element_taken = chiaro_world_alloc(world, desc->element_capacity, 1);
+    world->encoded = chiaro_world_alloc(world, desc->cube_capacity, world->encoded_bytes);
+    world->scales = chiaro_world_alloc(world, desc->cube_capacity, sizeof *world->scales);
+    world->items = chiaro_world_alloc(world, WORLD_MAX_ITEMS, sizeof *world->items);
+    world->item_order = chiaro_world_alloc(world, WORLD_MAX_ITEMS, sizeof *world->item_order);
+    world->radiosity = chiaro_world_alloc(world, desc->element_capacity, 3 * sizeof(float));
+    if (!world->sky || !world->sky_slopes || !world->bodies || !world->slot_taken || !world->slot_body ||
+        !world->slot_painted || !world->element_taken || !world->encoded || !world->scales || !world->items ||
+        !world->item_order || !world->radiosity || !make_neighbours(world) || !make_shine(world, &world->last) ||
+        !make_shine(world, &world->next) || !make_grid(world, &world->grid) || !make_grid(world, &world->shown))
+        return CHIARO_ERROR_MEMORY;
+    return make_static(world);
+}
+
+ChiaroResult chiaro_world_create(const ChiaroWorldDesc *desc, ChiaroWorld **world)
+{
+    ChiaroWorldDesc resolved;
+    if (!world)
+        return CHIARO_ERROR_ARGUMENT;
+    *world = NULL;
+    if (!resolve(desc, &resolved))
+        return CHIARO_ERROR_ARGUMENT;
+    ChiaroWorld draft = {.desc = resolved}, *made = chiaro_world_alloc(&draft, 1, sizeof *made);
+    if (!made)
+        return CHIARO_ERROR_MEMORY;
+    made->desc = resolved;
+    ChiaroResult result = make_world(made);
+    if (result != CHIARO_OK)
+        chiaro_world_destroy(made);
+    else
+        *world = made;
+    return result;
+}
+
+void chiaro_world_destroy(ChiaroWorld *world)
+{
+    if (!world)
+        return;
+    void *all[] = {world->sky, world->sky_slopes, world->bodies, world->slot_taken, world->slot_body,
+                   world->slot_painted, world->element_taken, world->encoded, world->scales, world->items, world->item_order,
+                   world->radiosity, world->neighbour_memory, world->neighbour_objects, world->last.texels, world->last.axes, world->next.texels, world->next.axes,
+                   world->grid.blockers, world->grid.first, world->grid.entries, world->grid.weights,
+                   world->shown.blockers, world->shown.first, world->shown.entries, world->shown.weights, world->albedo,
+                   world->roots, world->stack, world->tiles, world->tile_first, world->light.lights,
+                   world->light.total, world->light.ambient,
+                   world->coming.lights, world->coming.total, world->coming.ambient};
+    chiaro_cube_kernel_destroy(world->kernel);
+    for (size_t k = 0; k < sizeof all / sizeof *all; k++)
+        chiaro_world_free(world, all[k]);
+    chiaro_world_free(world, world);
+}
+
+const ChiaroWorldDesc *chiaro_world_desc(const ChiaroWorld *world) { return &world->desc; }
+const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *world) { return world->neighbours; }
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Light and sky
+ */
+
+ChiaroResult chiaro_world_sky(ChiaroWorld *world, const ChiaroSky *sky)
+{
+    if (sky && chiaro_sky_check(sky) != CHIARO_OK)
+        return CHIARO_ERROR_ARGUMENT;
+    chiaro_cube_sky_slope(world->kernel, sky, world->sky, world->sky_slopes);
+    world->changed = true;
+    return CHIARO_OK;
+}
+
+static bool values_sound(const float *values, uint32_t count, uint32_t stride)
+{
+    for (uint32_t n = 0; n < count; n++) {
+        for (uint32_t c = 0; c < 3; c++) {
+            if (!(values[(size_t)n * stride + c] >= 0 && values[(size_t)n * stride + c] < INFINITY))
+                return false;
+        }
+    }
+    return true;
+}
+
+ChiaroResult chiaro_world_light(ChiaroWorld *world, const ChiaroWorldLight *light)
+{
+    StaticLight *coming = &world->coming;
+    if (!light || light->struct_size < sizeof *light || (light->light_count && !light->lights) ||
+        !light->direct != !light->total || (light->total && light->stride != 3 && light->stride != 4))
+        return CHIARO_ERROR_ARGUMENT;
+    for (uint32_t l = 0; l < light->light_count; l++) {
+        if (chiaro_light_check(&light->lights[l]) != CHIARO_OK)
+            return CHIARO_ERROR_ARGUMENT;
+    }
+    if (light->total && (!values_sound(light->direct, world->node_count, light->stride) ||
+                         !values_sound(light->total, world->node_count, light->stride)))
+        return CHIARO_ERROR_ARGUMENT;
+    ChiaroLight *lights = chiaro_world_alloc(world, light->light_count, sizeof *lights);
+    if (!lights)
+        return CHIARO_ERROR_MEMORY;
+    if (light->light_count)
+        memcpy(lights, light->lights, light->light_count * sizeof *lights);
+    chiaro_world_free(world, coming->lights);
+    coming->lights = lights, coming->light_count = light->light_count;
+    coming->visible = light->visible, coming->user = light->user;
+    coming->lit = light->total && world->node_count;
+    for (uint32_t n = 0; coming->lit && n < world->node_count; n++) {
+        for (uint32_t c = 0; c < 3; c++) {
+            float total = light->total[(size_t)n * light->stride + c];
+            coming->total[3 * (size_t)n + c] = total;
+            coming->ambient[3 * (size_t)n + c] = fmaxf(0, total - light->direct[(size_t)n * light->stride + c]);
+        }
+    }
+    world->light_comes = world->changed = true;
+    return CHIARO_OK;
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Objects
+ */
+
+/* A rotation, one scale, a translation: or false. */
+static bool make_pose(const float m[16], Pose *pose)
+{
+    for (uint32_t i = 0; i < 16; i++) {
+        if (!(fabsf(m[i]) <= 1e9f))
+            return false;
+    }
+    Vec3 column[3] = {vec3_load(m), vec3_load(m + 4), vec3_load(m + 8)};
+    float scale = cbrtf(vec3_dot(column[0], vec3_cross(column[1], column[2])));
+    if (!(scale > 1e-9f) || m[3] != 0 || m[7] != 0 || m[11] != 0 || m[15] != 1)
+        return false;
+    for (uint32_t i = 0; i < 3; i++) {
+        pose->axis[i] = vec3_scale(column[i], 1 / scale);
+        for (uint32_t j = 0; j <= i; j++) {
+            if (!(fabsf(vec3_dot(pose->axis[i], pose->axis[j]) - (i == j ? 1 : 0)) <= SKEW))
+                return false;
+        }
+    }
+    pose->place = vec3_load(m + 12), pose->scale = scale;
+    return true;
+}
+
+/* The first run of `count` free places; CHIARO_NONE: there is none. */
+static uint32_t take_run(uint8_t *taken, uint32_t capacity, uint32_t count)
+{
+    for (uint32_t first = 0, free = 0, i = 0; i < capacity; i++) {
+        if (taken[i])
+            free = 0, first = i + 1;
+        else if (++free == count) {
+            memset(taken + first, 1, count);
+            return first;
+        }
+    }
+    return CHIARO_NONE;
+}
+
+static Body *find_body(const ChiaroWorld *world, uint32_t id)
+{
+    return id < world->body_end && world->bodies[id].used ? &world->bodies[id] : NULL;
+}
+
+static void stir(ChiaroWorld *world) { world->changed = world->shown_stale = true; }
+
+/* What a new owner must not find: the light of the last one. */
+static void darken(ChiaroWorld *world, const Body *body)
+{
+    Shine *both[2] = {&world->last, &world->next};
+    size_t cube = 4 * (size_t)world->texel_count, nodes = 2 * (size_t)body->object.element_count;
+    for (uint32_t k = 0; k < 2; k++) {
+        memset(both[k]->texels + body->first_slot * cube, 0, body->object.part_count * cube * sizeof(float));
+        memset(both[k]->axes + 36 * (size_t)body->first_element, 0, 18 * nodes * sizeof(float));
+    }
+    for (uint32_t p = 0; p < body->object.part_count; p++)
+        world->slot_painted[body->first_slot + p] = false;
+}
+
+ChiaroResult chiaro_object_add(ChiaroWorld *world, const ChiaroObject *object, const float transform[16], uint32_t *id)
+{
+    Pose pose;
+    if (!object || !id || !make_pose(transform, &pose))
+        return CHIARO_ERROR_ARGUMENT;
+    uint32_t n = 0;
+    while (n < world->body_end && world->bodies[n].used)
+        n++;
+    if (n == world->desc.object_capacity)
+        return CHIARO_ERROR_MEMORY;
+    uint32_t slot = take_run(world->slot_taken, world->desc.cube_capacity, object->part_count);
+    uint32_t element = slot == CHIARO_NONE
+                           ? CHIARO_NONE
+                           : take_run(world->element_taken, world->desc.element_capacity, object->element_count);
+    if (element == CHIARO_NONE) {
+        if (slot != CHIARO_NONE)
+            memset(world->slot_taken + slot, 0, object->part_count);
+        return CHIARO_ERROR_MEMORY;
+    }
+    Body *body = &world->bodies[n];
+    *body = (Body){.object = *object, .used = true, .now = pose, .pose = pose, .first_slot = slot,
+                   .first_element = element};
+    memcpy(body->transform, transform, sizeof body->transform);
+    for (uint32_t e = 0; e < object->element_count; e++)
+        body->shines = body->shines || vec3_max(vec3_load(object->element_more[e].emission)) > 0;
+    for (uint32_t p = 0; p < object->part_count; p++)
+        world->slot_body[slot + p] = n;
+    darken(world, body);
+    world->body_end = n < world->body_end ? world->body_end : n + 1;
+    *id = n;
+    stir(world);
+    return CHIARO_OK;
+}
+
+ChiaroResult chiaro_object_move(ChiaroWorld *world, uint32_t id, const float transform[16])
+{
+    Body *body = find_body(world, id);
+    Pose pose;
+    if (!body || !make_pose(transform, &pose))
+        return CHIARO_ERROR_ARGUMENT;
+    if (memcmp(body->transform, transform, sizeof body->transform) == 0)
+        return CHIARO_OK;
+    body->now = pose;
+    memcpy(body->transform, transform, sizeof body->transform);
+    stir(world);
+    return CHIARO_OK;
+}
+
+ChiaroResult chiaro_object_remove(ChiaroWorld *world, uint32_t id)
+{
+    Body *body = find_body(world, id);
+    if (!body)
+        return CHIARO_ERROR_ARGUMENT;
+    memset(world->slot_taken + body->first_slot, 0, body->object.part_count);
+    memset(world->element_taken + body->first_element, 0, body->object.element_count);
+    darken(world, body);
+    body->used = body->present = false;
+    stir(world);
+    return CHIARO_OK;
+}
+
+bool chiaro_object_state(const ChiaroWorld *world, uint32_t id, ChiaroObjectState *state)
+{
+    const Body *body = find_body(world, id);
+    if (!body)
+        return false;
+    *state = (ChiaroObjectState){.object = &body->object, .first_slot = body->first_slot,
+                                 .part_count = body->object.part_count};
+    memcpy(state->transform, body->transform, sizeof state->transform);
+    return true;
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Rounds
+ */
+
+/* How the lists see a body: as bright as its root gives off light on average. */
+static ChiaroNeighbourObject neighbour_of(const ChiaroWorld *world, const Body *body)
+{
+    ChiaroNeighbourObject object = {.alive = body->present};
+    if (!body->present)
+        return object;
+    const float *axes = world->last.axes + 36 * (size_t)body->first_element;
+    float radius = body->pose.scale * body->object.radius, sum[3] = {0};
+    for (uint32_t i = 0; i < 18; i++)
+        sum[i % 3] += axes[i];
+    vec3_store(object.position, pose_point(&body->pose, vec3_load(body->object.center)));
+    object.radius = radius;
+    /* A ball of radiosity b sends b r^2 toward each of the six axes. */
+    float brightest = fmaxf(sum[0], fmaxf(sum[1], sum[2])) / 6;
+    object.brightness = body->object.radius > 0 ? brightest / (body->object.radius * body->object.radius) : 0;
+    return object;
+}
+
+static void begin_round(ChiaroWorld *world)
+{
+    if (world->light_comes) {
+        StaticLight done = world->light;
+        world->light = world->coming, world->coming = done;
+        world->light_comes = false;
+    }
+    for (uint32_t n = 0; n < world->body_end; n++) {
+        Body *body = &world->bodies[n];
+        body->present = body->used, body->painted = false;
+        body->pose = body->now;
+        world->neighbour_objects[n] = neighbour_of(world, body);
+    }
+    for (uint32_t tick = 0; tick < WORLD_TICKS_A_ROUND; tick++) {
+        chiaro_neighbours_update(world->neighbours, world->neighbour_objects, world->body_end, 0,
+                                 world->desc.object_capacity);
+        chiaro_neighbours_end_tick(world->neighbours);
+    }
+    chiaro_blockers_build(world, &world->grid, false);
+    world->cursor = 0;
+    world->in_round = true;
+}
+
+static void end_round(ChiaroWorld *world)
+{
+    Shine read = world->last;
+    world->last = world->next, world->next = read;
+    for (uint32_t n = 0; n < world->body_end; n++)
+        world->bodies[n].painted = false;
+    world->in_round = false;
+    world->rounds_left--;
+}
+
+static void publish(ChiaroWorld *world, const Body *body)
+{
+    for (uint32_t slot = body->first_slot; slot < body->first_slot + body->object.part_count; slot++) {
+        const float *texels = world->next.texels + 4 * (size_t)slot * world->texel_count;
+        /* The format was checked when the world was made. */
+        (void)chiaro_cube_encode((ChiaroCubeFormat)world->desc.format, texels, world->texel_count,
+                                 world->encoded + slot * world->encoded_bytes, &world->scales[slot]);
+        world->slot_painted[slot] = true;
+    }
+}
+
+uint32_t chiaro_world_update(ChiaroWorld *world, uint32_t budget, uint32_t *painted)
+{
+    uint32_t count = 0;
+    if (budget && !world->in_round) {
+        if (world->changed)
+            world->rounds_left = CHIARO_WORLD_SETTLE_ROUNDS;
+        world->changed = false;
+        if (world->rounds_left)
+            begin_round(world);
+    }
+    while (world->in_round && count < budget && world->cursor < world->body_end) {
+        uint32_t id = world->cursor++;
+        Body *body = &world->bodies[id];
+        if (!body->present)
+            continue;
+        chiaro_world_paint(world, id);
+        body->painted = true;
+        publish(world, body);
+        for (uint32_t p = 0; p < body->object.part_count; p++, count++) {
+            if (painted)
+                painted[count] = body->first_slot + p;
+        }
+        world->shown_stale = true;
+    }
+    if (world->in_round && world->cursor == world->body_end)
+        end_round(world);
+    if (world->shown_stale)
+        chiaro_blockers_build(world, &world->shown, true);
+    world->shown_stale = false;
+    return count;
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Reading back
+ */
+
+static const float *newest_texels(const ChiaroWorld *world, const Body *body, uint32_t part)
+{
+    const Shine *shine = body->painted ? &world->next : &world->last;
+    return shine->texels + 4 * (size_t)(body->first_slot + part) * world->texel_count;
+}
+
+bool chiaro_world_cube(const ChiaroWorld *world, uint32_t slot, ChiaroWorldCube *cube)
+{
+    if (slot >= world->desc.cube_capacity)
+        return false;
+    *cube = (ChiaroWorldCube){.encoded = world->encoded + slot * world->encoded_bytes,
+                              .encoded_bytes = world->encoded_bytes, .scale = world->scales[slot], .id = CHIARO_NONE};
+    if (!world->slot_taken[slot])
+        return true;
+    const Body *body = &world->bodies[world->slot_body[slot]];
+    cube->id = world->slot_body[slot], cube->part = slot - body->first_slot;
+    if (world->slot_painted[slot])
+        cube->texels = newest_texels(world, body, cube->part);
+    return true;
+}
+
+ChiaroResult chiaro_object_irradiance(const ChiaroWorld *world, uint32_t id, uint32_t number, float irradiance[3])
+{
+    const Body *body = find_body(world, id);
+    if (!body || number >= body->object.vertex_count)
+        return CHIARO_ERROR_ARGUMENT;
+    const ChiaroObjectVertex *vertex = &body->object.vertices[number];
+    float bent[3], sum[3] = {0};
+    vec3_store(bent, pose_turn(&body->now, vec3_load(vertex->bent)));
+    for (uint32_t k = 0; k < 4; k++) {
+        float value[4];
+        if (!vertex->weights[k])
+            continue;
+        chiaro_cube_look_up(world->kernel, newest_texels(world, body, vertex->parts[k]), bent, value);
+        for (uint32_t c = 0; c < 3; c++)
+            sum[c] += (float)vertex->weights[k] / 255 * fmaxf(0, value[c]);
+    }
+    for (uint32_t c = 0; c < 3; c++)
+        irradiance[c] = CHIARO_PI * vertex->cavity[c] * sum[c];
+    return CHIARO_OK;
+}

@@ -1,0 +1,208 @@
+/* Inside the world of objects: what its files share.
+ *
+ *   world.c           objects come, move and go; light and sky are taken over; rounds
+ *   world_tiles.c     the true shape of static surfaces
+ *   world_static.c    the static tree as a cube's centre sees it: items, near ones in small pieces
+ *   world_paint.c     a cube, painted: items, neighbours, sky, smoothing, what is near seen from the skin
+ *   world_near.c      what is near a hull, summed for one normal
+ *   world_blockers.c  what objects do to static surfaces
+ */
+#ifndef CHIARO_WORLD_INTERNAL_H
+#define CHIARO_WORLD_INTERNAL_H
+
+#include "chiaro/chiaro_world.h"
+#include "cubes.h"
+
+/* A piece of the drawn static mesh. */
+typedef struct Tile {
+    Vec3 corner[3];
+} Tile;
+
+/* How an object lies in the world: p = place + scale * (x * axis[0] + y * axis[1] + z * axis[2]). */
+typedef struct Pose {
+    Vec3 axis[3]; /* unit */
+    Vec3 place;
+    float scale;
+} Pose;
+
+/* What of an object exists twice: as the round reads it, and as the round writes it. */
+typedef struct Shine {
+    float *texels; /* [slot][texel][4]: irradiance / pi */
+    float *axes;   /* [node][18] of all objects: what each node gives off (chiaro_primitives_sum) */
+} Shine;
+
+/* A placed object. */
+typedef struct Body {
+    ChiaroObject object;
+    bool used;
+    bool present; /* in this round */
+    bool painted; /* in this round */
+    bool shines;  /* by itself */
+    float transform[16];
+    Pose now, pose; /* as it was told last; as it is in this round */
+    uint32_t first_slot, first_element; /* its nodes begin at 2 * first_element */
+} Body;
+
+/* Light on the static scene. Three floats a node. */
+typedef struct StaticLight {
+    ChiaroLight *lights;
+    uint32_t light_count;
+    ChiaroVisibleFunc visible;
+    void *user;
+    float *total, *ambient; /* all light that the node gives off; of it what did not come straight from lamps */
+    bool lit;               /* there are values */
+} StaticLight;
+
+/* Blockers and their grid. */
+typedef struct BlockerGrid {
+    ChiaroWorldBlocker *blockers;
+    uint32_t *first;   /* one more than there are cells */
+    uint32_t *entries; /* as many as may be for each cell, while it is built */
+    float *weights;    /* of entries */
+    ChiaroWorldBlockers view;
+} BlockerGrid;
+
+/* A piece of static surface as a cube's centre sees it. */
+typedef struct Item {
+    Vec3 center, normal, direction; /* direction: unit, from the cube */
+    float area, distance, angle;    /* angle: solid */
+    float visible; /* share that nothing hides */
+    uint32_t node;
+    bool near, part; /* part: a piece of a leaf */
+} Item;
+
+enum { WORLD_MAX_ITEMS = 8192, WORLD_MAX_NEAR = 1024, WORLD_MAX_BALLS = 64, WORLD_TICKS_A_ROUND = 4 };
+
+/* Something near a hull: a plate, or a ball of which so much area is seen. */
+typedef struct NearThing {
+    Vec3 center, normal, radiance;
+    float area, visible;
+    bool ball;
+} NearThing;
+
+/* All of it. Plates number by number, so that four go at a time; there is room for three more of no area. */
+enum { NEAR_X, NEAR_Y, NEAR_Z, NEAR_NX, NEAR_NY, NEAR_NZ, NEAR_AREA, NEAR_HALF, NEAR_VISIBLE, NEAR_RED, NEAR_GREEN,
+       NEAR_BLUE, NEAR_NUMBERS };
+typedef struct Near {
+    float plates[NEAR_NUMBERS][WORLD_MAX_NEAR + 4];
+    NearThing balls[WORLD_MAX_BALLS];
+    uint32_t plate_count, ball_count;
+} Near;
+
+struct ChiaroWorld {
+    ChiaroWorldDesc desc; /* resolved */
+    ChiaroCubeKernel *kernel;
+    uint32_t texel_count, node_count;
+    float *sky; /* background, 4 floats a texel */
+    ChiaroCubeSlope *sky_slopes;
+
+    Body *bodies;
+    uint32_t body_end; /* bodies from here on were never used */
+    uint8_t *slot_taken, *element_taken;
+    uint32_t *slot_body; /* CHIARO_NONE: free */
+    bool *slot_painted;
+    ChiaroNeighbourObject *neighbour_objects;
+    ChiaroNeighbours *neighbours;
+    void *neighbour_memory;
+
+    Shine last, next; /* what the round reads, what it writes */
+    uint8_t *encoded;
+    float *scales;
+    size_t encoded_bytes; /* of a cube */
+
+    uint32_t *roots, root_count; /* of the static tree, without the sky */
+    float *albedo;               /* of static nodes */
+    Tile *tiles;                 /* of leaf s: tile_first[s] .. tile_first[s + 1] */
+    uint32_t *tile_first;
+    StaticLight light, coming;   /* of the round; of the next one */
+    bool light_comes;
+
+    bool changed, shown_stale;
+    bool in_round;
+    uint32_t rounds_left, cursor; /* next body of the round */
+    BlockerGrid grid, shown;      /* as the round sees it; as the host does */
+
+    Item *items;
+    uint64_t *item_order; /* nearest first: the lower half is the number of an item */
+    Near near;
+    uint32_t *stack;
+    float *radiosity; /* of the elements of one object */
+};
+
+static inline Vec3 pose_turn(const Pose *pose, Vec3 v)
+{
+    return vec3_mad(vec3_mad(vec3_scale(pose->axis[0], v.x), pose->axis[1], v.y), pose->axis[2], v.z);
+}
+
+static inline Vec3 pose_turn_back(const Pose *pose, Vec3 v)
+{
+    return vec3(vec3_dot(pose->axis[0], v), vec3_dot(pose->axis[1], v), vec3_dot(pose->axis[2], v));
+}
+
+static inline Vec3 pose_point(const Pose *pose, Vec3 p)
+{
+    return vec3_add(pose->place, vec3_scale(pose_turn(pose, p), pose->scale));
+}
+
+static inline Vec3 pose_point_back(const Pose *pose, Vec3 p)
+{
+    return vec3_scale(pose_turn_back(pose, vec3_sub(p, pose->place)), 1 / pose->scale);
+}
+
+/* --- world.c --- */
+void *chiaro_world_alloc(const ChiaroWorld *world, size_t count, size_t size);
+void chiaro_world_free(const ChiaroWorld *world, void *memory);
+
+static inline Vec3 tile_center(const Tile *tile)
+{
+    return vec3_scale(vec3_add(tile->corner[0], vec3_add(tile->corner[1], tile->corner[2])), 1.0f / 3);
+}
+
+/* Halves a tile across its longest edge; false: that is short enough. */
+static inline bool tile_split(const Tile *tile, float longest, Tile half[2])
+{
+    uint32_t at = 0;
+    float most = 0;
+    for (uint32_t k = 0; k < 3; k++) {
+        Vec3 edge = vec3_sub(tile->corner[(k + 1) % 3], tile->corner[k]);
+        float square = vec3_dot(edge, edge);
+        if (square > most)
+            most = square, at = k;
+    }
+    if (!(most > longest * longest))
+        return false;
+    Vec3 a = tile->corner[at], b = tile->corner[(at + 1) % 3], c = tile->corner[(at + 2) % 3];
+    Vec3 middle = vec3_scale(vec3_add(a, b), 0.5f);
+    half[0] = (Tile){{a, middle, c}}, half[1] = (Tile){{middle, b, c}};
+    return true;
+}
+
+/* --- world_tiles.c --- */
+/* Cuts the drawn mesh into tiles and deals them out to the leaves; false: out of memory. */
+bool chiaro_static_tiles(ChiaroWorld *world);
+
+/* --- world_static.c --- */
+/* Finds the roots of the static tree. CHIARO_ERROR_DATA: it is not one. */
+ChiaroResult chiaro_static_roots(ChiaroWorld *world);
+/* What is in front of a cube, into `items` and `item_order`. `radius`: of the part that the cube is for. Returns the
+ * number of items. */
+uint32_t chiaro_static_items(ChiaroWorld *world, Vec3 center, float radius);
+
+/* --- world_paint.c --- */
+/* Repaints all cubes of a body and lights its elements, from `last` into `next`. */
+void chiaro_world_paint(ChiaroWorld *world, uint32_t id);
+Vec3 chiaro_world_direct(const ChiaroWorld *world, Vec3 point, Vec3 normal);
+
+/* --- world_near.c --- */
+void chiaro_near_add(Near *near, const NearThing *thing);
+/* What comes from near things to a place of the hull: irradiance / pi, and how much of the hemisphere they take. */
+void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4]);
+
+/* --- world_blockers.c --- */
+/* Fills a grid; `newest`: with poses and light as they are this moment, instead of as the round sees them. */
+void chiaro_blockers_build(ChiaroWorld *world, BlockerGrid *grid, bool newest);
+/* Does a node look like a ball from all sides? */
+bool chiaro_is_ball(const ChiaroPrimitive *node);
+float chiaro_blockers_at(const BlockerGrid *grid, Vec3 point, Vec3 normal, Vec3 *bounce);
+
+#endif

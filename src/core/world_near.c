@@ -1,0 +1,88 @@
+/* Near neighbours are seen from the skin, not from the centre: for each normal, near things give what their form factor
+ * from the hull says, four plates at a time.
+ *
+ * A plate is small for its distance: cos cos' A / (pi d^2 + A), which is exact on its axis. Where it stands across the
+ * receiver's horizon, the receiver's cosine is cut off softly, over as much as the plate rises above its own centre.
+ */
+#include "world.h"
+
+#include <string.h>
+
+enum { LANES = 4 };
+typedef float Lanes __attribute__((vector_size(LANES * sizeof(float))));
+typedef int32_t Mask __attribute__((vector_size(LANES * sizeof(float))));
+
+static inline Lanes load(const float *from)
+{
+    Lanes lanes;
+    memcpy(&lanes, from, sizeof lanes);
+    return lanes;
+}
+
+static inline Lanes lanes_of(float x) { return (Lanes){x, x, x, x}; }
+static inline Lanes choose(Mask mask, Lanes a, Lanes b) { return (Lanes)(((Mask)a & mask) | ((Mask)b & ~mask)); }
+static inline Lanes lanes_min(Lanes a, Lanes b) { return choose(a < b, a, b); }
+static inline Lanes lanes_max(Lanes a, Lanes b) { return choose(a > b, a, b); }
+static inline float sum_lanes(Lanes a) { return (a[0] + a[1]) + (a[2] + a[3]); }
+
+void chiaro_near_add(Near *near, const NearThing *thing)
+{
+    if (thing->ball) {
+        if (near->ball_count < WORLD_MAX_BALLS)
+            near->balls[near->ball_count++] = *thing;
+        return;
+    }
+    if (near->plate_count == WORLD_MAX_NEAR)
+        return;
+    const float numbers[NEAR_NUMBERS] = {thing->center.x, thing->center.y, thing->center.z, thing->normal.x,
+                                         thing->normal.y, thing->normal.z, thing->area, sqrtf(thing->area / CHIARO_PI),
+                                         thing->visible, thing->radiance.x, thing->radiance.y, thing->radiance.z};
+    for (uint32_t k = 0; k < NEAR_NUMBERS; k++)
+        near->plates[k][near->plate_count] = numbers[k];
+    near->plate_count++;
+}
+
+/* Form factors of four plates. */
+static Lanes plate_forms(const Near *near, uint32_t i, Vec3 point, Vec3 normal)
+{
+    Lanes zero = lanes_of(0), one = lanes_of(1), least = lanes_of(1e-30f);
+    Lanes x = load(near->plates[NEAR_X] + i) - point.x, y = load(near->plates[NEAR_Y] + i) - point.y;
+    Lanes z = load(near->plates[NEAR_Z] + i) - point.z, area = load(near->plates[NEAR_AREA] + i);
+    Lanes nx = load(near->plates[NEAR_NX] + i), ny = load(near->plates[NEAR_NY] + i);
+    Lanes nz = load(near->plates[NEAR_NZ] + i);
+    Lanes square = x * x + y * y + z * z, height = x * normal.x + y * normal.y + z * normal.z;
+    Lanes front = lanes_max(zero, -(x * nx + y * ny + z * nz));
+    /* Where its rim is, above its centre: the sine of the angle between the normals, near enough, without a root. */
+    Lanes cosine = nx * normal.x + ny * normal.y + nz * normal.z, flat = cosine * cosine;
+    Lanes rise = load(near->plates[NEAR_HALF] + i) * (one - lanes_min(one, flat)) * (one + 0.5f * flat) + least;
+    Lanes low = lanes_max(-rise, lanes_min(rise, height)) + rise;
+    /* low^2 / (4 rise) of its height, and all that is beyond the rise. */
+    height = low * low + 4 * rise * lanes_max(zero, height - rise);
+    return lanes_min(one, front * height * area / (4 * rise * square * (CHIARO_PI * square + area) + least));
+}
+
+void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4])
+{
+    Lanes sum[3] = {lanes_of(0), lanes_of(0), lanes_of(0)}, forms = lanes_of(0);
+    for (uint32_t k = 0; k < LANES - 1; k++)
+        near->plates[NEAR_VISIBLE][near->plate_count + k] = 0;
+    for (uint32_t i = 0; i < near->plate_count; i += LANES) {
+        Lanes form = plate_forms(near, i, point, normal) * load(near->plates[NEAR_VISIBLE] + i);
+        for (uint32_t c = 0; c < 3; c++)
+            sum[c] += form * load(near->plates[NEAR_RED + c] + i);
+        forms += form;
+    }
+    float weight = sum_lanes(forms), p[3], n[3], center[3];
+    Vec3 given = {sum_lanes(sum[0]), sum_lanes(sum[1]), sum_lanes(sum[2])};
+    vec3_store(p, point);
+    vec3_store(n, normal);
+    for (uint32_t i = 0; i < near->ball_count; i++) {
+        const NearThing *ball = &near->balls[i];
+        vec3_store(center, ball->center);
+        float form = ball->visible * chiaro_sphere_form(p, n, center, sqrtf(ball->area / CHIARO_PI));
+        given = vec3_mad(given, ball->radiance, form);
+        weight += form;
+    }
+    vec3_store(light, given);
+    light[3] = weight;
+}

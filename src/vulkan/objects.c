@@ -1,0 +1,583 @@
+/* Objects that move: their meshes, where they are, their environment cubes, and what they do to the static world.
+ *
+ * The world (chiaro_world.h) does the thinking. Here its results go to the device, and the light of the static scene
+ * goes back to it: the values of the nodes are copied to memory that the host sees when they have changed, and read when
+ * the host says that the frame has finished. Nobody waits.
+ *
+ * A slot of a cube is two cubes on the device. When one is painted anew, what is shown at that moment becomes the first,
+ * and the new one fades in over as many frames as the cube took to come round: then the next one is there.
+ */
+#include "context.h"
+
+#include <math.h>
+#include <stddef.h>
+
+#include "../core/log.h"
+#include "../core/vec.h"
+
+/* Frames that a fade takes: as many as lie between two paintings of a cube, within these. */
+enum { DEFAULT_CUBES = 8, SHORTEST_FADE = 4, LONGEST_FADE = 64 };
+
+/* At most: see sort_cells. */
+enum { CELL_WORDS = CHIARO_MAX_WORLD_CELLS * (CHIARO_MAX_CELL_BLOCKERS + 2) + 1 };
+
+/* The light of the static scene follows objects' shadows this often, in frames: illumination may be late. */
+enum { SHADOW_INTERVAL = 8 };
+
+/* The bounds that shadow maps cover grow by more than is needed, in diagonals of the scene, so that they seldom grow. */
+static const float growth = 0.1f;
+
+_Static_assert(sizeof(ChiaroWorldBlocker) == 144, "ChiaroBlocker of chiaro.glsl");
+_Static_assert(sizeof(ChiaroObjectVertex) == 36, "vertex input of objects");
+_Static_assert(CHIARO_GPU_CUBE_UNORM8 == CHIARO_CUBE_UNORM8 && CHIARO_GPU_CUBE_HALF == CHIARO_CUBE_HALF &&
+                   CHIARO_GPU_CUBE_SHARED == CHIARO_CUBE_SHARED_EXPONENT,
+               "formats of chiaro.glsl");
+
+/* ---- loading ------------------------------------------------------------------------------------------------------ */
+
+static ChiaroResult refuse(const ChiaroVulkan *context, const char *what)
+{
+    chiaro_log_write(&context->desc.log, CHIARO_LOG_ERROR, CHIARO_LOG_ARGUMENT_INVALID, "objects_load: %s", what);
+    return CHIARO_ERROR_ARGUMENT;
+}
+
+static ChiaroResult check(const ChiaroVulkan *context, const ChiaroVulkanObjects *info)
+{
+    if (!info->scene || !info->meshes || info->mesh_count == 0 || !info->world || !info->command_buffer ||
+        info->frame < context->frame)
+        return refuse(context, "meshes, world, command_buffer, or a frame that fell");
+    if (!context->scene.arena)
+        return refuse(context, "no scene is loaded");
+    if (chiaro_scene_check(info->scene, &context->desc.log) != CHIARO_OK)
+        return CHIARO_ERROR_SCENE;
+    const ChiaroTransport *transport = chiaro_world_desc(info->world)->transport;
+    if (transport && transport->node_count != context->scene.transport.node_count)
+        return refuse(context, "the world has another scene");
+    for (uint32_t i = 0; i < info->mesh_count; i++) {
+        const ChiaroVulkanMesh *mesh = &info->meshes[i];
+        if (!mesh->object || mesh->first_part > info->scene->part_count ||
+            mesh->part_count > info->scene->part_count - mesh->first_part ||
+            mesh->first_vertex > info->scene->vertex_count ||
+            mesh->object->vertex_count > info->scene->vertex_count - mesh->first_vertex)
+            return refuse(context, "a mesh lies outside of the scene");
+    }
+    return CHIARO_OK;
+}
+
+/* Draw parts are sorted by surface, and keep their order within one: a mesh has a run of them for every surface. */
+static void find_parts(const SceneState *meshes, const ChiaroVulkanMesh *mesh, ObjectMesh *found)
+{
+    for (uint32_t i = meshes->part_count; i-- > 0;) {
+        const DrawPart *part = &meshes->parts[i];
+        if (part->number < mesh->first_part || part->number >= mesh->first_part + mesh->part_count)
+            continue;
+        found->first[part->surface] = i;
+        found->count[part->surface]++;
+    }
+}
+
+static ChiaroResult create_lists(ChiaroVulkan *context, const ChiaroVulkanObjects *info)
+{
+    ObjectsState *state = &context->objects;
+    const ChiaroWorldDesc *world = chiaro_world_desc(info->world);
+    state->capacity = world->object_capacity;
+    state->slot_count = world->cube_capacity;
+    state->texels = 6 * world->edge * world->edge;
+    state->words = state->texels * chiaro_cube_format_size(world->format) / 4;
+    state->meshes_by_number = chiaro_vulkan_alloc(context, info->mesh_count, sizeof *state->meshes_by_number);
+    state->shown = chiaro_vulkan_alloc(context, state->capacity, sizeof *state->shown);
+    state->slots = chiaro_vulkan_alloc(context, state->slot_count, sizeof *state->slots);
+    state->scales = chiaro_vulkan_alloc(context, state->slot_count, 2 * sizeof(float));
+    state->colors = chiaro_vulkan_alloc(context, 8 * (size_t)state->slot_count, state->texels * sizeof(float));
+    state->painted = chiaro_vulkan_alloc(context, state->cubes + CHIARO_MAX_OBJECT_PARTS, sizeof(uint32_t));
+    state->encoded = chiaro_vulkan_alloc(context, 2 * (size_t)state->words, sizeof(uint32_t));
+    state->cells = chiaro_vulkan_alloc(context, CELL_WORDS, sizeof(uint32_t));
+    if (!state->cells || !state->meshes_by_number || !state->shown || !state->slots || !state->scales ||
+        !state->colors || !state->painted || !state->encoded)
+        return CHIARO_ERROR_MEMORY;
+    for (uint32_t i = 0; i < state->capacity; i++)
+        state->shown[i].mesh = CHIARO_NONE;
+    for (uint32_t i = 0; i < state->slot_count; i++)
+        state->slots[i].id = CHIARO_NONE;
+    state->mesh_count = info->mesh_count;
+    for (uint32_t i = 0; i < info->mesh_count; i++)
+        find_parts(&state->meshes, &info->meshes[i], &state->meshes_by_number[i]);
+    return CHIARO_OK;
+}
+
+/* Placed objects, and what bounce light needs of them. */
+static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObjects *info)
+{
+    ObjectsState *state = &context->objects;
+    Arena *arena = state->arena = chiaro_arena_create(context);
+    if (!arena)
+        return CHIARO_ERROR_MEMORY;
+    const VkBufferUsageFlags copied = VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+    const VkBufferUsageFlags storage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | copied;
+    const uint64_t capacity = state->capacity, slots = state->slot_count;
+    bool gi = !context->settings.gi_off;
+    uint64_t *bytes = &state->bytes;
+    struct {
+        DeviceBuffer *buffer;
+        uint64_t size;
+    } wanted[OBJECT_BINDINGS] = {
+        {&state->instances, capacity * sizeof(ChiaroGpuObject)},
+        {&state->scale_buffer, sizeof(ChiaroGpuCubes) + slots * 2 * sizeof(float)},
+        {&state->cube_buffer, slots * 2 * state->words * sizeof(uint32_t)},
+        {&state->blockers, CHIARO_MAX_OBJECT_BLOCKERS * capacity * sizeof(ChiaroWorldBlocker)},
+        {&state->grid, sizeof(ChiaroGpuGrid) + CELL_WORDS * sizeof(uint32_t)},
+    };
+    for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
+        *wanted[i].buffer =
+            chiaro_arena_buffer(context, arena, gi || i == 0 ? wanted[i].size : 16, storage, false, bytes);
+    state->has_gi = gi;
+    if (gi) {
+        state->vertices = chiaro_arena_buffer(context, arena, info->scene->vertex_count * sizeof(ChiaroObjectVertex),
+                                              VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | copied, false, bytes);
+    }
+    chiaro_arena_bind(context, arena);
+    VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, OBJECT_BINDINGS, 0);
+    state->set = chiaro_set_create(context, arena, pool, context->layouts.objects);
+    for (uint32_t i = 0; i < OBJECT_BINDINGS && arena->result == CHIARO_OK; i++)
+        chiaro_set_buffer(context, state->set, i, *wanted[i].buffer);
+    return arena->result;
+}
+
+/* Memory that the host sees, for the light of the static scene. */
+static ChiaroResult create_read_back(ChiaroVulkan *context)
+{
+    ObjectsState *state = &context->objects;
+    if (!state->has_gi || !context->scene.gi_arena || !chiaro_world_desc(state->world)->transport)
+        return CHIARO_OK;
+    Arena *arena = state->read_arena = chiaro_arena_create(context);
+    if (!arena)
+        return CHIARO_ERROR_MEMORY;
+    state->read_back = chiaro_arena_buffer(context, arena, context->scene.values.size, VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                                           true, &state->bytes);
+    chiaro_arena_bind(context, arena);
+    return arena->result;
+}
+
+/* The vertices of the bakes, in the order of the scene. */
+static ChiaroResult fill_vertices(ChiaroVulkan *context, const ChiaroVulkanObjects *info)
+{
+    ObjectsState *state = &context->objects;
+    if (!state->has_gi)
+        return CHIARO_OK;
+    Upload upload = chiaro_upload_begin(context, chiaro_upload_size(state->vertices.size), info->command_buffer);
+    if (!upload.arena)
+        return CHIARO_ERROR_MEMORY;
+    ChiaroResult result = upload.arena->result;
+    if (result == CHIARO_OK) {
+        ChiaroObjectVertex *to = chiaro_upload_buffer(context, &upload, state->vertices);
+        memset(to, 0, state->vertices.size);
+        for (uint32_t i = 0; i < info->mesh_count; i++) {
+            const ChiaroVulkanMesh *mesh = &info->meshes[i];
+            memcpy(to + mesh->first_vertex, mesh->object->vertices, mesh->object->vertex_count * sizeof *to);
+        }
+        chiaro_record_barrier(context, info->command_buffer, VK_PIPELINE_STAGE_TRANSFER_BIT,
+                              VK_ACCESS_TRANSFER_WRITE_BIT, VK_PIPELINE_STAGE_VERTEX_INPUT_BIT,
+                              VK_ACCESS_VERTEX_ATTRIBUTE_READ_BIT);
+    }
+    chiaro_arena_retire(context, &upload.arena);
+    return result;
+}
+
+/* A scene that is drawn as it is: no bake has cut it up. */
+static ChiaroTransport plain_transport(const ChiaroScene *scene)
+{
+    return (ChiaroTransport){.scene = *scene,
+                             .vertices = scene->vertices,
+                             .indices = scene->indices,
+                             .parts = scene->parts,
+                             .vertex_count = scene->vertex_count,
+                             .index_count = scene->index_count,
+                             .part_count = scene->part_count};
+}
+
+ChiaroResult chiaro_objects_load(ChiaroVulkan *context, const ChiaroVulkanObjects *info)
+{
+    ObjectsState *state = &context->objects;
+    ChiaroResult result = check(context, info);
+    if (result != CHIARO_OK)
+        return result;
+    chiaro_objects_release(context);
+    ChiaroTransport meshes = plain_transport(info->scene);
+    context->frame = info->frame;
+    state->world = info->world;
+    state->visible = info->visible;
+    state->user = info->user;
+    state->cubes = info->cubes ? info->cubes : DEFAULT_CUBES;
+    result = chiaro_scene_upload(context, &state->meshes, &meshes, info->command_buffer);
+    if (result == CHIARO_OK)
+        result = create_lists(context, info);
+    if (result == CHIARO_OK)
+        result = create_buffers(context, info);
+    if (result == CHIARO_OK)
+        result = create_read_back(context);
+    if (result == CHIARO_OK)
+        result = fill_vertices(context, info);
+    if (result == CHIARO_OK)
+        result = chiaro_objects_sky(context);
+    if (result != CHIARO_OK)
+        chiaro_objects_release(context);
+    state->light_due = true;
+    return result;
+}
+
+void chiaro_objects_release(ChiaroVulkan *context)
+{
+    ObjectsState *state = &context->objects;
+    chiaro_scene_release(context, &state->meshes);
+    chiaro_arena_retire(context, &state->arena);
+    chiaro_arena_retire(context, &state->read_arena);
+    void *lists[] = {state->meshes_by_number, state->shown, state->slots, state->scales,
+                     state->colors,           state->painted, state->encoded, state->cells};
+    for (uint32_t i = 0; i < sizeof lists / sizeof *lists; i++)
+        chiaro_vulkan_free(context, lists[i]);
+    memset(state, 0, sizeof *state);
+}
+
+ChiaroResult chiaro_objects_sky(ChiaroVulkan *context)
+{
+    ObjectsState *state = &context->objects;
+    if (!state->world || !state->has_gi)
+        return CHIARO_OK;
+    return chiaro_world_sky(state->world, context->sky.set ? &context->sky.sky : NULL);
+}
+
+/* ---- light for the world ------------------------------------------------------------------------------------------ */
+
+/* Lights that shine, the sun of the sky among them. */
+static uint32_t copy_lights(const ChiaroVulkan *context, ChiaroLight lights[CHIARO_LIGHT_SLOTS])
+{
+    uint32_t count = chiaro_vulkan_lights(context);
+    for (uint32_t i = 0; i < count; i++)
+        lights[i] = i < context->lights.count ? context->lights.lights[i] : context->sky.sun;
+    return count;
+}
+
+/* The world refuses what is not finite; then the light before stays. */
+static void hand_over(ChiaroVulkan *context, const float *values)
+{
+    ObjectsState *state = &context->objects;
+    ChiaroWorldLight light = {.struct_size = sizeof light,
+                              .light_count = state->light_count,
+                              .lights = state->lights,
+                              .visible = state->visible,
+                              .user = state->user,
+                              .stride = 4};
+    if (values) {
+        light.direct = values;
+        light.total = values + 4 * (size_t)context->scene.transport.node_count;
+    }
+    chiaro_world_light(state->world, &light);
+}
+
+void chiaro_objects_read_back(ChiaroVulkan *context, VkCommandBuffer commands)
+{
+    ObjectsState *state = &context->objects;
+    if (!state->read_back.buffer || !state->light_due || state->read_frame != 0)
+        return;
+    VkBufferCopy copy = {.size = state->read_back.size};
+    chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT,
+                          VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_WRITE_BIT, VK_PIPELINE_STAGE_TRANSFER_BIT,
+                          VK_ACCESS_TRANSFER_READ_BIT);
+    context->vk.CmdCopyBuffer(commands, context->scene.values.buffer, state->read_back.buffer, 1, &copy);
+    chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT,
+                          VK_PIPELINE_STAGE_HOST_BIT, VK_ACCESS_HOST_READ_BIT);
+    state->light_count = copy_lights(context, state->lights);
+    state->read_frame = context->frame;
+    state->light_due = false;
+}
+
+static void take_light(ChiaroVulkan *context, uint64_t completed)
+{
+    ObjectsState *state = &context->objects;
+    if (state->read_frame != 0 && state->read_frame <= completed) {
+        hand_over(context, state->read_arena->mapped);
+        state->read_frame = 0;
+    }
+    /* Nothing is gathered: what objects get is the sky, and lights by way of each other. */
+    if (state->light_due && state->read_frame == 0 && (!state->read_back.buffer || !chiaro_vulkan_gi(context))) {
+        state->light_count = copy_lights(context, state->lights);
+        hand_over(context, NULL);
+        state->light_due = false;
+    }
+}
+
+/* ---- where they are ----------------------------------------------------------------------------------------------- */
+
+static bool reaches(const ChiaroGpuLight *light, Vec3 center, float radius)
+{
+    if (light->info[0] == CHIARO_LIGHT_SUN)
+        return true;
+    Vec3 way = vec3_sub(center, vec3_load(light->position));
+    if (light->position[3] > 0 && vec3_length(way) > light->position[3] + radius)
+        return false;
+    return light->info[1] || vec3_dot(way, vec3_load(light->direction)) > -radius;
+}
+
+/* What a light saw of an object, before it moved or after, is no longer right. */
+static void touch_lights(ChiaroVulkan *context, const ShownObject *shown)
+{
+    LightState *lights = &context->lights;
+    for (uint32_t i = 0; i < chiaro_vulkan_lights(context); i++)
+        if (reaches(&lights->gpu[i], vec3_load(shown->center), shown->radius))
+            lights->stale[i] = lights->changed = context->objects.shadow_moved = true;
+}
+
+/* Grows what suns look at. True if it grew. */
+static bool grow_bounds(ChiaroVulkan *context, const ShownObject *shown)
+{
+    SceneState *scene = &context->scene;
+    bool grew = false;
+    float margin = growth * vec3_length(vec3_sub(vec3_load(scene->high), vec3_load(scene->low)));
+    for (int axis = 0; axis < 3; axis++) {
+        float low = shown->center[axis] - shown->radius, high = shown->center[axis] + shown->radius;
+        if (low < scene->low[axis])
+            scene->low[axis] = low - margin, grew = true;
+        if (high > scene->high[axis])
+            scene->high[axis] = high + margin, grew = true;
+    }
+    return grew;
+}
+
+static void take_place(ShownObject *shown, const ChiaroObjectState *object, ChiaroGpuObject *gpu)
+{
+    const float *m = object->transform, *c = object->object->center;
+    float *rows[3] = {gpu->row0, gpu->row1, gpu->row2};
+    memcpy(shown->transform, m, sizeof shown->transform);
+    memset(gpu->info, 0, sizeof gpu->info);
+    gpu->info[0] = object->first_slot;
+    for (int row = 0; row < 3; row++) {
+        for (int column = 0; column < 4; column++)
+            rows[row][column] = m[4 * column + row];
+        shown->center[row] = rows[row][0] * c[0] + rows[row][1] * c[1] + rows[row][2] * c[2] + rows[row][3];
+    }
+    shown->radius = object->object->radius * vec3_length(vec3_load(m));
+}
+
+/* Objects that have moved, appeared or gone since the last frame. */
+static void follow_objects(ChiaroVulkan *context, VkCommandBuffer commands)
+{
+    ObjectsState *state = &context->objects;
+    bool grew = false;
+    for (uint32_t id = 0; id < state->capacity; id++) {
+        ShownObject *shown = &state->shown[id];
+        ChiaroObjectState object;
+        if (shown->mesh == CHIARO_NONE && !shown->placed)
+            continue;
+        bool there = shown->mesh != CHIARO_NONE && chiaro_object_state(state->world, id, &object);
+        if (there && shown->placed && shown->slot == object.first_slot &&
+            memcmp(shown->transform, object.transform, sizeof shown->transform) == 0)
+            continue;
+        if (shown->placed)
+            touch_lights(context, shown);
+        shown->placed = there;
+        if (!there) {
+            shown->mesh = CHIARO_NONE;
+            continue;
+        }
+        ChiaroGpuObject gpu;
+        shown->slot = object.first_slot;
+        take_place(shown, &object, &gpu);
+        grew |= grow_bounds(context, shown);
+        touch_lights(context, shown);
+        chiaro_record_write(context, commands, state->instances, id * sizeof gpu, &gpu, sizeof gpu);
+    }
+    if (grew) /* as many lights as before: nothing is made */
+        chiaro_lights_prepare(context);
+    if (state->shadow_moved && context->frame >= state->shadow_frame + SHADOW_INTERVAL) {
+        state->shadow_frame = context->frame;
+        state->shadow_moved = false;
+        context->gi_changed = state->light_due = true;
+    }
+}
+
+/* ---- cubes -------------------------------------------------------------------------------------------------------- */
+
+/* Share of the newer cube after so many frames. */
+static float fade_of(const CubeSlot *slot, uint64_t frames)
+{
+    float share = slot->length ? (float)frames / (float)slot->length : 1;
+    return share < 1 ? share : 1;
+}
+
+/* What the last frame showed becomes what fades out. */
+static void take_cube(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t number)
+{
+    ObjectsState *state = &context->objects;
+    CubeSlot *slot = &state->slots[number];
+    const ChiaroWorldDesc *world = chiaro_world_desc(state->world);
+    const size_t floats = 4 * (size_t)state->texels;
+    float *before = state->colors + 2 * floats * number, *now = before + floats;
+    uint32_t *words = state->encoded;
+    ChiaroWorldCube cube;
+    if (!chiaro_world_cube(state->world, number, &cube) || !cube.texels)
+        return;
+    bool new = slot->id != cube.id || slot->part != cube.part;
+    float share = fade_of(slot, context->frame - slot->start);
+    for (size_t i = 0; i < floats; i++) {
+        before[i] = new ? cube.texels[i] : before[i] + share * (now[i] - before[i]);
+        now[i] = cube.texels[i];
+    }
+    uint64_t interval = context->frame - slot->start;
+    interval = interval < SHORTEST_FADE ? SHORTEST_FADE : interval;
+    slot->length = new ? 0 : interval < LONGEST_FADE ? (uint32_t)interval : LONGEST_FADE;
+    slot->start = context->frame;
+    slot->id = cube.id;
+    slot->part = cube.part;
+    slot->fading = true;
+    slot->scale[1] = cube.scale;
+    chiaro_cube_encode((ChiaroCubeFormat)world->format, before, state->texels, words, &slot->scale[0]);
+    memcpy(words + state->words, cube.encoded, cube.encoded_bytes);
+    uint64_t size = 2 * state->words * sizeof(uint32_t);
+    chiaro_record_write(context, commands, state->cube_buffer, number * size, words, size);
+    state->upload_bytes += size;
+}
+
+/* Shares of the cubes that fade. */
+static void fade_cubes(ChiaroVulkan *context, VkCommandBuffer commands)
+{
+    ObjectsState *state = &context->objects;
+    const ChiaroWorldDesc *world = chiaro_world_desc(state->world);
+    uint32_t first = CHIARO_NONE, end = 0;
+    state->fading = 0;
+    for (uint32_t i = 0; i < state->slot_count; i++) {
+        CubeSlot *slot = &state->slots[i];
+        if (!slot->fading)
+            continue;
+        float share = fade_of(slot, context->frame - slot->start + 1);
+        state->scales[2 * (size_t)i] = slot->scale[0] * (1 - share);
+        state->scales[2 * (size_t)i + 1] = slot->scale[1] * share;
+        slot->fading = share < 1;
+        state->fading += slot->fading;
+        first = first == CHIARO_NONE ? i : first;
+        end = i + 1;
+    }
+    if (!state->info_written) {
+        ChiaroGpuCubes info = {.shape = {world->edge, world->format, state->words, 0}};
+        chiaro_record_write(context, commands, state->scale_buffer, 0, &info, sizeof info);
+        chiaro_record_write(context, commands, state->scale_buffer, sizeof info, state->scales,
+                            2 * sizeof(float) * (uint64_t)state->slot_count);
+        state->info_written = true;
+    } else if (first != CHIARO_NONE) {
+        chiaro_record_write(context, commands, state->scale_buffer, sizeof(ChiaroGpuCubes) + 2 * sizeof(float) * first,
+                            state->scales + 2 * (size_t)first, 2 * sizeof(float) * (uint64_t)(end - first));
+    }
+}
+
+/* ---- back onto the static world ----------------------------------------------------------------------------------- */
+
+static bool is_plain_ball(const ChiaroWorldBlocker *b)
+{
+    return !b->plate && b->emission[0] == 0 && b->emission[1] == 0 && b->emission[2] == 0;
+}
+
+/* Entries of a cell as the shader wants them (ChiaroCells): objects that are one plain ball, then the others. */
+static void sort_cells(const ChiaroWorldBlockers *b, uint32_t *words)
+{
+    uint32_t *entries = words + 2 * (size_t)b->cell_count + 1, written = 0;
+    for (uint32_t c = 0; c < b->cell_count; c++) {
+        uint32_t first = b->cell_first[c], end = b->cell_first[c + 1];
+        for (uint32_t others = 0; others < 2; others++) {
+            words[2 * (size_t)c + others] = written;
+            for (uint32_t k = first, next; k < end; k = next) {
+                const ChiaroWorldBlocker *blocker = &b->blockers[b->cell_blockers[k]];
+                for (next = k + 1; next < end && b->blockers[b->cell_blockers[next]].object == blocker->object;)
+                    next++;
+                if ((next == k + 1 && is_plain_ball(blocker)) == !others) {
+                    memcpy(entries + written, b->cell_blockers + k, (next - k) * sizeof *entries);
+                    written += next - k;
+                }
+            }
+        }
+    }
+    words[2 * (size_t)b->cell_count] = written;
+}
+
+static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands)
+{
+    ObjectsState *state = &context->objects;
+    ChiaroWorldBlockers b;
+    chiaro_world_blockers(state->world, &b);
+    if (state->grid_written && b.revision == state->revision)
+        return;
+    state->revision = b.revision;
+    state->grid_written = true;
+    ChiaroGpuGrid grid = {.low = {b.low[0], b.low[1], b.low[2], b.size > 0 ? 1 / b.size : 0}};
+    memset(state->grid_low, 0, sizeof state->grid_low);
+    memset(state->grid_high, 0, sizeof state->grid_high);
+    if (b.cell_count > 0) {
+        for (int axis = 0; axis < 3; axis++) {
+            state->grid_low[axis] = b.low[axis];
+            state->grid_high[axis] = b.low[axis] + b.size * (float)b.count[axis];
+        }
+        memcpy(grid.count, b.count, sizeof b.count);
+        grid.count[3] = 2 * b.cell_count + 1;
+        sort_cells(&b, state->cells);
+        chiaro_record_write(context, commands, state->blockers, 0, b.blockers, b.blocker_count * sizeof *b.blockers);
+        chiaro_record_write(context, commands, state->grid, sizeof grid, state->cells,
+                            (grid.count[3] + b.entry_count) * sizeof(uint32_t));
+    }
+    chiaro_record_write(context, commands, state->grid, 0, &grid, sizeof grid);
+}
+
+bool chiaro_objects_near(const ChiaroVulkan *context, const DrawPart *part)
+{
+    const ObjectsState *state = &context->objects;
+    bool near = true;
+    for (int axis = 0; axis < 3; axis++)
+        near &= part->low[axis] < state->grid_high[axis] && part->high[axis] >= state->grid_low[axis];
+    return near;
+}
+
+/* ---- the frame ---------------------------------------------------------------------------------------------------- */
+
+void chiaro_objects_update(ChiaroVulkan *context, VkCommandBuffer commands, uint64_t completed)
+{
+    ObjectsState *state = &context->objects;
+    if (!state->arena)
+        return;
+    /* The frames before may still read what is written now. */
+    chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT,
+                          0, VK_PIPELINE_STAGE_TRANSFER_BIT, 0);
+    follow_objects(context, commands);
+    state->painted_count = 0;
+    state->upload_bytes = 0;
+    if (chiaro_vulkan_object_gi(context)) {
+        take_light(context, completed);
+        state->painted_count = chiaro_world_update(state->world, state->cubes, state->painted);
+        for (uint32_t i = 0; i < state->painted_count; i++)
+            take_cube(context, commands, state->painted[i]);
+        fade_cubes(context, commands);
+        write_blockers(context, commands);
+    }
+    chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT,
+                          VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT,
+                          VK_ACCESS_SHADER_READ_BIT);
+}
+
+ChiaroResult chiaro_objects_show(ChiaroVulkan *context, uint32_t id, uint32_t mesh)
+{
+    ObjectsState *state = &context->objects;
+    if (!state->arena || id >= state->capacity || (mesh != CHIARO_NONE && mesh >= state->mesh_count))
+        return CHIARO_ERROR_ARGUMENT;
+    state->shown[id].mesh = mesh;
+    return CHIARO_OK;
+}
+
+void chiaro_objects_stats(const ChiaroVulkan *context, ChiaroVulkanObjectStats *stats)
+{
+    const ObjectsState *state = &context->objects;
+    const uint64_t cubes = state->cube_buffer.size + state->scale_buffer.size;
+    *stats = (ChiaroVulkanObjectStats){.struct_size = stats->struct_size,
+                                       .cubes = state->painted_count,
+                                       .fading = state->fading,
+                                       .cube_bytes = state->arena && state->has_gi ? cubes : 0,
+                                       .upload_bytes = state->upload_bytes,
+                                       .bytes = state->bytes + state->meshes.mesh_bytes + state->meshes.texture_bytes};
+    for (uint32_t id = 0; id < state->capacity; id++)
+        stats->shown += state->shown[id].placed;
+}
