@@ -63,7 +63,9 @@ typedef struct ChiaroObjectElement {
     float cavity[3];   /**< As of a vertex. */
     uint32_t part;     /**< Whose cube lights it. */
     float emission[3]; /**< Radiosity, W/m^2. */
-    uint32_t reserved;
+    uint32_t reserved0;
+    float spread[6]; /**< Mean squares and products of the distance from its position along xx yy zz xy yz zx, m^2. */
+    uint32_t reserved1[2];
 } ChiaroObjectElement;
 
 /** A piece of the object that has an environment cube of its own; most objects are one. */

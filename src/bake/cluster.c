@@ -103,26 +103,29 @@ static bool find_cut(const Builder *builder, uint32_t first, uint32_t count, int
     return best < INFINITY;
 }
 
+/* What features apart from places count in a claim: less, or the finest details would take all groups. */
+static const double ALIKE = 0.25;
+
 /* Weight times (that of a square of one unit, plus the mean squared distance in units). */
 static double claim_of(const Builder *builder, uint32_t first, uint32_t count)
 {
     const uint32_t *order = builder->tree->order;
     const ClusterItem *origin = &builder->items[order[first]];
-    double weight = 0, unit = 0, sum[CLUSTER_PLACE] = {0}, spread = 0;
+    double weight = 0, unit = 0, sum[CLUSTER_FEATURES] = {0}, spread = 0;
     bool alike = true;
     for (uint32_t i = first; i < first + count; i++) {
         const ClusterItem *item = &builder->items[order[i]];
         weight += item->weight, unit += (double)item->weight * item->unit;
         alike = alike && memcmp(item->feature, origin->feature, sizeof item->feature) == 0;
-        for (int f = 0; f < CLUSTER_PLACE; f++) { /* about one of them: distances are small against the coordinates */
+        for (int f = 0; f < CLUSTER_FEATURES; f++) { /* about one of them: distances are small against the coordinates */
             double x = (double)item->feature[f] - origin->feature[f];
-            sum[f] += item->weight * x, spread += item->weight * x * x;
+            sum[f] += item->weight * x, spread += (f < CLUSTER_PLACE ? 1 : ALIKE) * item->weight * x * x;
         }
     }
     if (alike || !(weight > 0))
         return 0;
-    for (int f = 0; f < CLUSTER_PLACE; f++)
-        spread -= sum[f] * sum[f] / weight;
+    for (int f = 0; f < CLUSTER_FEATURES; f++)
+        spread -= (f < CLUSTER_PLACE ? 1 : ALIKE) * sum[f] * sum[f] / weight;
     unit /= weight;
     return weight / 6 + fmax(0, spread) / (unit * unit);
 }

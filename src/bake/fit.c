@@ -708,10 +708,11 @@ static void measure_error(FitScratch *s, const Fitter *fitter, double error[2])
 }
 
 /* Patterns and nodes that a row can pay with K multiply-adds, K = rank (1 + nodes / rows), where rank^2 is about
- * `rank_square` K. */
-static void deal(uint32_t links, uint32_t rows, double rank_square, uint32_t *rank, uint32_t *nodes)
+ * `rank_square` K. The patterns that are kept exact are there in any case. */
+static void deal(const FitScratch *s, uint32_t rows, double rank_square, uint32_t *rank, uint32_t *nodes)
 {
-    double best = fmax(1, floor(sqrt(rank_square * links) + 0.5));
+    uint32_t links = s->task.links, fixed = s->task.baker->sky_count ? MOST_FIXED : 1;
+    double best = fmax(fixed, floor(sqrt(rank_square * links) + 0.5));
     best = fmin(fmin(best, rows), CHIARO_BLOCK_RANK);
     double each = rows * (links / best - 1);
     *rank = (uint32_t)best;
@@ -761,7 +762,7 @@ static bool fit_range(Fitter *fitter, uint32_t first, uint32_t count, uint64_t s
     uint32_t rank, most;
     double lost, best[2], tried[2], patterns = fmin(PATTERNS, fmax(LEAST_PATTERNS, s->lights / LIGHTS_A_PATTERN));
     s->first = first, s->count = count;
-    deal(s->task.links, count, patterns, &rank, &most);
+    deal(s, count, patterns, &rank, &most);
     rank = choose_patterns(s, rank, &lost);
     if (lost > s->task.tolerance * s->task.tolerance && count >= 2 * LEAST_BLOCK) {
         uint32_t left = choose_split(s);
@@ -772,7 +773,7 @@ static bool fit_range(Fitter *fitter, uint32_t first, uint32_t count, uint64_t s
     fit_block(fitter, rank, most, seed + first, best);
     for (size_t k = 0; k < sizeof FEWER_PATTERNS / sizeof *FEWER_PATTERNS; k++) {
         uint32_t few, more;
-        deal(s->task.links, count, patterns * FEWER_PATTERNS[k], &few, &more);
+        deal(s, count, patterns * FEWER_PATTERNS[k], &few, &more);
         if (few >= rank || more <= most)
             continue;
         swap_blocks(fitter, &s->other);

@@ -16,7 +16,7 @@
 #include <string.h>
 
 enum { DEFAULT_ELEMENTS = 48, MOST_ELEMENTS = 4096, DEFAULT_OBJECT_RAYS = 512, MOST_SWEEPS = 2000,
-       HULL_POINTS = 32 };
+       HULL_POINTS = 32, SPREAD_POINTS = 256 };
 static const float CAVITY_PRECISION = 1e-5f;
 /* A part longer than this many edges of the cube of its volume gets cut; sheets count as this share of their length. */
 static const float LONGEST_PART = 2, THINNEST = 1.0f / 16;
@@ -203,6 +203,21 @@ static Vec3 mean_normal(const Baker *baker, uint32_t e)
     return sum;
 }
 
+/* How far a piece of surface reaches to all sides of a place. */
+static void measure_spread(const Baker *baker, uint32_t e, Vec3 from, float spread[6])
+{
+    ChiaroRandom random = chiaro_random_seed(baker->desc.seed, (uint64_t)5 << 33 | e);
+    for (uint32_t k = 0; k < SPREAD_POINTS; k++) {
+        Vec3 place, normal;
+        float pick = ((float)k + chiaro_random_float(&random)) / SPREAD_POINTS, u = chiaro_random_float(&random);
+        chiaro_patches_place(baker, e, pick, u, chiaro_random_float(&random), &place, &normal);
+        Vec3 d = vec3_sub(place, from);
+        float product[6] = {d.x * d.x, d.y * d.y, d.z * d.z, d.x * d.y, d.y * d.z, d.z * d.x};
+        for (uint32_t c = 0; c < 6; c++)
+            spread[c] += product[c] / SPREAD_POINTS;
+    }
+}
+
 /* Elements do not hide each other, so each counts as much as is seen of it: the mean of projected area over all
  * directions is then right for any shape. And each counts as its projection along its mean normal, so that a closed
  * surface stays closed: what it shows to one side it shows to the other; all grow alike to make up for it. */
@@ -228,6 +243,7 @@ static bool make_elements(ObjectBaker *job)
         memcpy(job->elements[e].albedo, sample->albedo, sizeof sample->albedo);
         memcpy(job->element_more[e].emission, sample->emission, sizeof sample->emission);
         vec3_store(job->element_more[e].cavity, job->places[e].cavity);
+        measure_spread(baker, e, element_place(baker, e), job->element_more[e].spread);
     }
     for (uint32_t e = 0; e < count && projected > 0; e++)
         job->elements[e].area *= (float)(area / projected);

@@ -48,7 +48,10 @@ static bool elements_sound(const ChiaroObject *o, const ChiaroLog *log)
 {
     for (uint32_t e = 0; e < o->element_count; e++) {
         const ChiaroObjectElement *more = &o->element_more[e];
-        if (!chiaro_element_sound(&o->elements[e]) || more->part >= o->part_count || !is_colour(more->cavity, 1) ||
+        bool flat = true;
+        for (uint32_t k = 0; k < 6; k++)
+            flat = flat && fabsf(more->spread[k]) <= 1e30f && (k > 2 || more->spread[k] >= 0);
+        if (!flat || !chiaro_element_sound(&o->elements[e]) || more->part >= o->part_count || !is_colour(more->cavity, 1) ||
             !is_colour(more->emission, 1e30f))
             return chiaro_file_fault(log, "element %u of the object is out of range", e);
     }

@@ -6,7 +6,7 @@
 #include "transport.h"
 
 #define CHIARO_OBJECT_MAGIC "CHIAROBJ"
-enum { CHIARO_OBJECT_VERSION = 1, CHIARO_OBJECT_ARRAYS = 7, CHIARO_OBJECT_MAX_ELEMENTS = 1 << 16 };
+enum { CHIARO_OBJECT_VERSION = 2, CHIARO_OBJECT_ARRAYS = 7, CHIARO_OBJECT_MAX_ELEMENTS = 1 << 16 };
 
 typedef struct ChiaroObjectHeader {
     ChiaroFileStart start;

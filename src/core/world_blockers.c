@@ -126,7 +126,13 @@ static bool in_plane(const Draft *draft, const ChiaroPrimitive *node, float radi
            fabsf(vec3_dot(draft->normal, from)) < (1 - ONE_PLANE) * radius;
 }
 
-/* An element counts as a square of its area. */
+/* Mean square of an element's reach along an axis. */
+static float spread_along(const float s[6], Vec3 a)
+{
+    return a.x * a.x * s[0] + a.y * a.y * s[1] + a.z * a.z * s[2] +
+           2 * (a.x * a.y * s[3] + a.y * a.z * s[4] + a.z * a.x * s[5]);
+}
+
 static void add_plate(Draft *draft, const ChiaroObject *object, const ChiaroPrimitive *node, const float *axes)
 {
     float normal[3], intensity[3];
@@ -136,13 +142,14 @@ static void add_plate(Draft *draft, const ChiaroObject *object, const ChiaroPrim
     draft->projected += chiaro_primitive_projected_area(node, normal);
     draft->emitted = vec3_add(draft->emitted, node_emission(object, node));
     for (uint32_t i = node->first; i < node->first + node->count; i++) {
-        const ChiaroElement *element = &object->elements[object->primitives.elements[i]];
+        uint32_t e = object->primitives.elements[i];
+        const ChiaroElement *element = &object->elements[e];
         Vec3 from = vec3_sub(vec3_load(element->position), draft->center);
         draft->area += element->area;
         for (uint32_t k = 0; k < 2; k++) {
             float away = vec3_dot(draft->edge[k], from);
             draft->sum[k] += element->area * away;
-            draft->square[k] += element->area * (away * away + element->area / 12);
+            draft->square[k] += element->area * (away * away + spread_along(object->element_more[e].spread, draft->edge[k]));
         }
     }
 }

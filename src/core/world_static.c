@@ -10,11 +10,11 @@
 #include <string.h>
 
 /* Half of what an item may span, as a part of a texel; at it, bilinear taps of neighbouring items make an even cover. */
-static const float SPAN = 0.35f;
+static const float SPAN = 0.25f;
 /* A node whose mean normal is shorter than this is opened, unless it is smaller than the span by so much. */
 static const float ONE_WAY = 0.9f, TINY = 0.1f;
 /* In radii of the object's part: up to where things count as near; the finest pieces. */
-static const float NEAR = 8, FINEST = 0.3f;
+static const float NEAR = 9, FINEST = 0.3f;
 /* Pieces of near leaves span so much from the nearest skin. */
 static const float NEAR_SPAN = 0.5f;
 
