@@ -104,7 +104,7 @@ static bool find_cut(const Builder *builder, uint32_t first, uint32_t count, int
 }
 
 /* What features apart from places count in a claim: less, or the finest details would take all groups. */
-static const double ALIKE = 0.25;
+static const double ALIKE = 0.1;
 
 /* Weight times (that of a square of one unit, plus the mean squared distance in units). */
 static double claim_of(const Builder *builder, uint32_t first, uint32_t count)
