@@ -55,10 +55,18 @@ static bool has_layer(const char *name)
     return found;
 }
 
-static bool create_instance(Host *host, bool validate)
+static bool create_instance(Host *host, const HostDesc *desc)
 {
-    const char *layer = "VK_LAYER_KHRONOS_validation", *extension = VK_EXT_DEBUG_UTILS_EXTENSION_NAME;
-    uint32_t version = VK_API_VERSION_1_0;
+    enum { MOST = 16 };
+    const char *layer = "VK_LAYER_KHRONOS_validation", *extensions[MOST];
+    bool validate = desc->validate;
+    uint32_t version = VK_API_VERSION_1_0, count = desc->extension_count;
+    if (count >= MOST)
+        return fail(host, "the window needs too many extensions");
+    for (uint32_t i = 0; i < count; i++)
+        extensions[i] = desc->extensions[i];
+    if (validate)
+        extensions[count++] = VK_EXT_DEBUG_UTILS_EXTENSION_NAME;
     if (validate && !has_layer(layer))
         return fail(host, "VK_LAYER_KHRONOS_validation is not installed");
     if (vkEnumerateInstanceVersion(&version) != VK_SUCCESS || version < VK_API_VERSION_1_1)
@@ -83,8 +91,8 @@ static bool create_instance(Host *host, bool validate)
                                  .pApplicationInfo = &application,
                                  .enabledLayerCount = validate ? 1 : 0,
                                  .ppEnabledLayerNames = &layer,
-                                 .enabledExtensionCount = validate ? 1 : 0,
-                                 .ppEnabledExtensionNames = &extension};
+                                 .enabledExtensionCount = count,
+                                 .ppEnabledExtensionNames = extensions};
     if (!check(host, vkCreateInstance(&info, NULL, &host->instance), "vkCreateInstance") || !validate)
         return host->instance != VK_NULL_HANDLE;
     PFN_vkCreateDebugUtilsMessengerEXT create =
@@ -94,7 +102,29 @@ static bool create_instance(Host *host, bool validate)
 
 /* ---- device ------------------------------------------------------------------------------------------------------- */
 
-static uint32_t find_queue(VkPhysicalDevice device, uint32_t *timestamp_bits)
+static bool has_extension(VkPhysicalDevice device, const char *name)
+{
+    uint32_t count = 0;
+    bool found = false;
+    if (vkEnumerateDeviceExtensionProperties(device, NULL, &count, NULL) != VK_SUCCESS || count == 0)
+        return false;
+    VkExtensionProperties *extensions = calloc(count, sizeof *extensions);
+    if (extensions && vkEnumerateDeviceExtensionProperties(device, NULL, &count, extensions) == VK_SUCCESS)
+        for (uint32_t i = 0; i < count; i++)
+            found |= strcmp(extensions[i].extensionName, name) == 0;
+    free(extensions);
+    return found;
+}
+
+static bool shows(const Host *host, VkPhysicalDevice device, uint32_t family)
+{
+    VkBool32 supported = VK_TRUE;
+    if (host->surface && vkGetPhysicalDeviceSurfaceSupportKHR(device, family, host->surface, &supported) != VK_SUCCESS)
+        return false;
+    return supported && (!host->surface || has_extension(device, VK_KHR_SWAPCHAIN_EXTENSION_NAME));
+}
+
+static uint32_t find_queue(const Host *host, VkPhysicalDevice device, uint32_t *timestamp_bits)
 {
     enum { MOST = 32 };
     VkQueueFamilyProperties families[MOST];
@@ -102,7 +132,7 @@ static uint32_t find_queue(VkPhysicalDevice device, uint32_t *timestamp_bits)
     const VkQueueFlags needed = VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT;
     vkGetPhysicalDeviceQueueFamilyProperties(device, &count, families);
     for (uint32_t i = 0; i < count; i++) {
-        if ((families[i].queueFlags & needed) == needed) {
+        if ((families[i].queueFlags & needed) == needed && shows(host, device, i)) {
             *timestamp_bits = families[i].timestampValidBits;
             return i;
         }
@@ -125,7 +155,7 @@ static bool choose_device(Host *host, const char *wish, uint32_t *timestamp_bits
         return check(host, result, "vkEnumeratePhysicalDevices");
     for (uint32_t i = 0; i < count; i++) {
         VkPhysicalDeviceProperties properties;
-        uint32_t bits = 0, family = find_queue(devices[i], &bits);
+        uint32_t bits = 0, family = find_queue(host, devices[i], &bits);
         vkGetPhysicalDeviceProperties(devices[i], &properties);
         if (properties.apiVersion < VK_API_VERSION_1_1 || family == CHIARO_NONE)
             continue;
@@ -143,20 +173,6 @@ static bool choose_device(Host *host, const char *wish, uint32_t *timestamp_bits
         *timestamp_bits = bits;
     }
     return best >= 0 || fail(host, wish ? "no such Vulkan device" : "no Vulkan device");
-}
-
-static bool has_extension(VkPhysicalDevice device, const char *name)
-{
-    uint32_t count = 0;
-    bool found = false;
-    if (vkEnumerateDeviceExtensionProperties(device, NULL, &count, NULL) != VK_SUCCESS || count == 0)
-        return false;
-    VkExtensionProperties *extensions = calloc(count, sizeof *extensions);
-    if (extensions && vkEnumerateDeviceExtensionProperties(device, NULL, &count, extensions) == VK_SUCCESS)
-        for (uint32_t i = 0; i < count; i++)
-            found |= strcmp(extensions[i].extensionName, name) == 0;
-    free(extensions);
-    return found;
 }
 
 static void name_device(Host *host)
@@ -193,8 +209,13 @@ static bool offers_dynamic_rendering(VkPhysicalDevice device)
 static bool create_device(Host *host, bool render_pass)
 {
     float priority = 1;
-    const char *extension = VK_KHR_DYNAMIC_RENDERING_EXTENSION_NAME;
+    const char *extensions[2];
+    uint32_t extension_count = 0;
     host->dynamic_rendering = !render_pass && offers_dynamic_rendering(host->physical_device);
+    if (host->dynamic_rendering)
+        extensions[extension_count++] = VK_KHR_DYNAMIC_RENDERING_EXTENSION_NAME;
+    if (host->surface)
+        extensions[extension_count++] = VK_KHR_SWAPCHAIN_EXTENSION_NAME;
     VkPhysicalDeviceDynamicRenderingFeatures dynamic = {
         .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DYNAMIC_RENDERING_FEATURES, .dynamicRendering = VK_TRUE};
     VkDeviceQueueCreateInfo queue = {.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO,
@@ -205,8 +226,8 @@ static bool create_device(Host *host, bool render_pass)
                                .pNext = host->dynamic_rendering ? &dynamic : NULL,
                                .queueCreateInfoCount = 1,
                                .pQueueCreateInfos = &queue,
-                               .enabledExtensionCount = host->dynamic_rendering ? 1 : 0,
-                               .ppEnabledExtensionNames = &extension};
+                               .enabledExtensionCount = extension_count,
+                               .ppEnabledExtensionNames = extensions};
     if (!check(host, vkCreateDevice(host->physical_device, &info, NULL, &host->device), "vkCreateDevice"))
         return false;
     vkGetDeviceQueue(host->device, host->queue_family, 0, &host->queue);
@@ -243,7 +264,10 @@ bool host_create(Host *host, const HostDesc *desc)
 {
     uint32_t timestamp_bits = 0;
     *host = (Host){.reversed_z = desc->reversed_z};
-    if (!create_instance(host, desc->validate) || !choose_device(host, desc->device, &timestamp_bits))
+    if (!create_instance(host, desc) ||
+        (desc->create_surface &&
+         !check(host, desc->create_surface(host->instance, desc->user, &host->surface), "the window's surface")) ||
+        !choose_device(host, desc->device, &timestamp_bits))
         return false;
     name_device(host);
     return create_device(host, desc->render_pass) && create_commands(host, timestamp_bits);
@@ -254,17 +278,25 @@ static void destroy_image(Host *host, HostImage *image)
     vkDestroyImageView(host->device, image->view, NULL);
     vkDestroyImage(host->device, image->image, NULL);
     vkFreeMemory(host->device, image->memory, NULL);
+    *image = (HostImage){0};
+}
+
+/* The render pass stays: pipelines are made for it. */
+static void destroy_target(Host *host)
+{
+    host_buffer_destroy(host, &host->read_back);
+    vkDestroyFramebuffer(host->device, host->framebuffer, NULL);
+    host->framebuffer = VK_NULL_HANDLE;
+    destroy_image(host, &host->color);
+    destroy_image(host, &host->depth);
 }
 
 void host_destroy(Host *host)
 {
     if (host->device) {
         vkDeviceWaitIdle(host->device);
-        host_buffer_destroy(host, &host->read_back);
-        vkDestroyFramebuffer(host->device, host->framebuffer, NULL);
+        destroy_target(host);
         vkDestroyRenderPass(host->device, host->render_pass, NULL);
-        destroy_image(host, &host->color);
-        destroy_image(host, &host->depth);
         vkDestroyQueryPool(host->device, host->timestamps, NULL);
         vkDestroyFence(host->device, host->fence, NULL);
         vkDestroyCommandPool(host->device, host->pool, NULL);
@@ -275,8 +307,11 @@ void host_destroy(Host *host)
             host->instance, "vkDestroyDebugUtilsMessengerEXT");
         destroy(host->instance, host->messenger, NULL);
     }
+    if (host->surface)
+        vkDestroySurfaceKHR(host->instance, host->surface, NULL);
     if (host->instance)
         vkDestroyInstance(host->instance, NULL);
+    host->surface = VK_NULL_HANDLE;
     host->device = VK_NULL_HANDLE;
     host->messenger = VK_NULL_HANDLE;
     host->instance = VK_NULL_HANDLE;
@@ -302,7 +337,8 @@ bool host_buffer_create(Host *host, VkDeviceSize size, HostBuffer *buffer)
 {
     VkBufferCreateInfo info = {.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO,
                                .size = size,
-                               .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT};
+                               .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
+                                        VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | VK_BUFFER_USAGE_INDEX_BUFFER_BIT};
     VkMemoryRequirements need;
     *buffer = (HostBuffer){.size = size};
     if (!check(host, vkCreateBuffer(host->device, &info, NULL, &buffer->buffer), "vkCreateBuffer"))
@@ -376,8 +412,11 @@ static bool create_render_pass(Host *host)
                                    .pAttachments = attachments,
                                    .subpassCount = 1,
                                    .pSubpasses = &subpass};
-    if (!check(host, vkCreateRenderPass(host->device, &pass, NULL, &host->render_pass), "vkCreateRenderPass"))
-        return false;
+    return check(host, vkCreateRenderPass(host->device, &pass, NULL, &host->render_pass), "vkCreateRenderPass");
+}
+
+static bool create_framebuffer(Host *host)
+{
     VkImageView views[2] = {host->color.view, host->depth.view};
     VkFramebufferCreateInfo framebuffer = {.sType = VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO,
                                            .renderPass = host->render_pass,
@@ -396,14 +435,18 @@ bool host_target_create(Host *host, uint32_t width, uint32_t height)
     vkGetPhysicalDeviceProperties(host->physical_device, &properties);
     if (width > properties.limits.maxFramebufferWidth || height > properties.limits.maxFramebufferHeight)
         return fail(host, "the picture is larger than the device can draw");
+    destroy_target(host);
     host->width = width;
     host->height = height;
-    return create_image(host, color_format, VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT,
+    return create_image(host, color_format,
+                        VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT |
+                            VK_IMAGE_USAGE_SAMPLED_BIT,
                         VK_IMAGE_ASPECT_COLOR_BIT, &host->color) &&
            create_image(host, depth_format, VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT, VK_IMAGE_ASPECT_DEPTH_BIT,
                         &host->depth) &&
            host_buffer_create(host, 16 * (VkDeviceSize)width * height, &host->read_back) &&
-           (host->dynamic_rendering || create_render_pass(host));
+           (host->dynamic_rendering ||
+            ((host->render_pass || create_render_pass(host)) && create_framebuffer(host)));
 }
 
 ChiaroVulkanDesc host_chiaro_desc(const Host *host)
@@ -435,8 +478,17 @@ bool host_begin(Host *host)
 
 bool host_submit(Host *host)
 {
-    VkSubmitInfo submit = {
-        .sType = VK_STRUCTURE_TYPE_SUBMIT_INFO, .commandBufferCount = 1, .pCommandBuffers = &host->commands};
+    const VkPipelineStageFlags stage = VK_PIPELINE_STAGE_COLOR_ATTACHMENT_OUTPUT_BIT;
+    const VkSemaphore wait = host->wait, signal = host->signal;
+    VkSubmitInfo submit = {.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO,
+                           .waitSemaphoreCount = wait ? 1 : 0,
+                           .pWaitSemaphores = &wait,
+                           .pWaitDstStageMask = &stage,
+                           .commandBufferCount = 1,
+                           .pCommandBuffers = &host->commands,
+                           .signalSemaphoreCount = signal ? 1 : 0,
+                           .pSignalSemaphores = &signal};
+    host->wait = host->signal = VK_NULL_HANDLE;
     return check(host, vkEndCommandBuffer(host->commands), "vkEndCommandBuffer") &&
            check(host, vkQueueSubmit(host->queue, 1, &submit, host->fence), "vkQueueSubmit") &&
            check(host, vkWaitForFences(host->device, 1, &host->fence, VK_TRUE, UINT64_MAX), "vkWaitForFences") &&
@@ -484,6 +536,7 @@ void host_begin_pass(Host *host)
                                    VK_PIPELINE_STAGE_LATE_FRAGMENT_TESTS_BIT;
     vkCmdPipelineBarrier(host->commands, outputs | VK_PIPELINE_STAGE_TRANSFER_BIT, outputs, 0, 0, NULL, 0, NULL, 2,
                          barriers);
+    host->color_layout = VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL;
     VkClearValue clears[2] = {{.color = {.float32 = {0, 0, 0, 0}}},
                               {.depthStencil = {host->reversed_z ? 0.0f : 1.0f, 0}}};
     VkRect2D area = {{0, 0}, {host->width, host->height}};
@@ -536,15 +589,28 @@ static void flush_to_host(Host *host)
                          NULL, 0, NULL);
 }
 
-void host_read_target(Host *host)
+/* After the pass: lets a stage read the colour. */
+static void open_color(Host *host, VkImageLayout layout, VkPipelineStageFlags stage, VkAccessFlags access)
 {
     VkImageMemoryBarrier barrier = image_barrier(host->color.image, VK_IMAGE_ASPECT_COLOR_BIT);
     barrier.srcAccessMask = VK_ACCESS_COLOR_ATTACHMENT_WRITE_BIT;
-    barrier.dstAccessMask = VK_ACCESS_TRANSFER_READ_BIT;
-    barrier.oldLayout = VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL;
-    barrier.newLayout = VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL;
-    vkCmdPipelineBarrier(host->commands, VK_PIPELINE_STAGE_COLOR_ATTACHMENT_OUTPUT_BIT, VK_PIPELINE_STAGE_TRANSFER_BIT,
-                         0, 0, NULL, 0, NULL, 1, &barrier);
+    barrier.dstAccessMask = access;
+    barrier.oldLayout = host->color_layout;
+    barrier.newLayout = layout;
+    host->color_layout = layout;
+    vkCmdPipelineBarrier(host->commands, VK_PIPELINE_STAGE_COLOR_ATTACHMENT_OUTPUT_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT,
+                         stage, 0, 0, NULL, 0, NULL, 1, &barrier);
+}
+
+void host_show_target(Host *host)
+{
+    open_color(host, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL, VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT,
+               VK_ACCESS_SHADER_READ_BIT);
+}
+
+void host_read_target(Host *host)
+{
+    open_color(host, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_READ_BIT);
     VkBufferImageCopy copy = {.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1},
                               .imageExtent = {host->width, host->height, 1}};
     vkCmdCopyImageToBuffer(host->commands, host->color.image, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL,

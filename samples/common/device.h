@@ -1,5 +1,5 @@
-/* The host of the programs and tests: a device without a window, a command buffer, an offscreen target, read-back.
- * What an engine already has, and Chiaro therefore does not bring.
+/* The host of the programs and tests: a device, a command buffer, an offscreen target, read-back; a surface, if there is a
+ * window. What an engine already has, and Chiaro therefore does not bring.
  */
 #ifndef CHIARO_DEVICE_H
 #define CHIARO_DEVICE_H
@@ -13,6 +13,11 @@ typedef struct HostDesc {
     bool validate;      /* VK_LAYER_KHRONOS_validation with synchronization validation */
     bool render_pass;   /* a VkRenderPass even where dynamic rendering is present */
     bool reversed_z;
+    /* With a window: the instance's extensions that it needs, and how its surface is made. */
+    const char *const *extensions;
+    uint32_t extension_count;
+    VkResult (*create_surface)(VkInstance instance, void *user, VkSurfaceKHR *surface); /* NULL: no window */
+    void *user;
 } HostDesc;
 
 typedef struct HostImage {
@@ -31,6 +36,7 @@ typedef struct HostBuffer {
 typedef struct Host {
     VkInstance instance;
     VkDebugUtilsMessengerEXT messenger;
+    VkSurfaceKHR surface; /* VK_NULL_HANDLE: no window */
     VkPhysicalDevice physical_device;
     VkDevice device;
     VkQueue queue;
@@ -41,6 +47,7 @@ typedef struct Host {
     VkCommandPool pool;
     VkCommandBuffer commands;
     VkFence fence;
+    VkSemaphore wait, signal; /* of the next submission: a swapchain's; VK_NULL_HANDLE: none */
     VkQueryPool timestamps; /* VK_NULL_HANDLE: not supported */
     double timestamp_period; /* nanoseconds a tick */
     char device_name[HOST_TEXT_SIZE], driver[HOST_TEXT_SIZE];
@@ -52,6 +59,7 @@ typedef struct Host {
     /* The target: RGBA 32-bit float, and depth. */
     uint32_t width, height;
     HostImage color, depth;
+    VkImageLayout color_layout;
     VkRenderPass render_pass;
     VkFramebuffer framebuffer;
     HostBuffer read_back;
@@ -60,6 +68,7 @@ typedef struct Host {
 /* False: `error` says why; the host must be destroyed all the same. */
 bool host_create(Host *host, const HostDesc *desc);
 void host_destroy(Host *host);
+/* Replaces the one before, if any. */
 bool host_target_create(Host *host, uint32_t width, uint32_t height);
 
 /* A descriptor for chiaro_vulkan's create() that fits the host and its target. */
@@ -77,9 +86,11 @@ void host_begin_pass(Host *host);
 void host_end_pass(Host *host);
 /* Copies the target after the pass, in the same frame; the pixels (RGBA, row 0 on top) are there after submit. */
 void host_read_target(Host *host);
+/* Lets the fragment shaders of later commands of the frame sample it, in SHADER_READ_ONLY_OPTIMAL. */
+void host_show_target(Host *host);
 const float *host_pixels(const Host *host);
 
-/* A buffer that the CPU sees, for copies. */
+/* A buffer that the CPU sees, for copies, vertices and indices. */
 bool host_buffer_create(Host *host, VkDeviceSize size, HostBuffer *buffer);
 void host_buffer_destroy(Host *host, HostBuffer *buffer);
 /* Copies what update() wrote: to be recorded after it. */

@@ -1,9 +1,11 @@
-/* A picture on the CPU, by one ray a pixel. */
+/* Pictures on the CPU: drawn by one ray a pixel, and written. */
 #include "picture.h"
 
+#include "../../src/core/tone.h"
 #include "../../src/offline/rays.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 static void shade(const ChiaroScene *scene, const ChiaroTransport *transport, const ChiaroHit *hit,
                   const float *irradiance, float pixel[4])
@@ -53,4 +55,33 @@ bool picture_draw(const ChiaroTransport *transport, const ChiaroCamera *camera, 
     }
     chiaro_rays_destroy(rays);
     return true;
+}
+
+static bool ends_with(const char *text, const char *end)
+{
+    size_t length = strlen(text), end_length = strlen(end);
+    return length > end_length && strcmp(text + length - end_length, end) == 0;
+}
+
+bool picture_is_exr(const char *path)
+{
+    return ends_with(path, ".exr");
+}
+
+bool picture_is_png(const char *path)
+{
+    return ends_with(path, ".png");
+}
+
+bool picture_write(const char *path, ChiaroIoImage *picture, float exposure, ChiaroIoError *error)
+{
+    if (!picture_is_png(path))
+        return chiaro_io_write_exr(path, picture, error);
+    for (size_t i = 0, n = (size_t)picture->width * picture->height; i < n; i++) {
+        float *pixel = picture->pixels + picture->channels * i;
+        chiaro_tone_map(pixel, exposure, pixel);
+        if (picture->channels == 4)
+            pixel[3] = 1; /* the sky is part of the picture */
+    }
+    return chiaro_io_write_png(path, picture, error);
 }

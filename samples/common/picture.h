@@ -1,4 +1,5 @@
-/* A picture on the CPU: the drawn mesh with any irradiance at its receivers. For baselines, and to check the GPU's. */
+/* Pictures on the CPU: how they are written; and the drawn mesh with any irradiance at its receivers, for baselines and to
+ * check the GPU's. */
 #ifndef CHIARO_PICTURE_H
 #define CHIARO_PICTURE_H
 
@@ -8,5 +9,12 @@
  * `irradiance`: 3 * receiver_count floats. Allocates picture->pixels (RGBA, alpha 1 at surfaces). False: out of memory. */
 bool picture_draw(const ChiaroTransport *transport, const ChiaroCamera *camera, uint32_t width, uint32_t height,
                   const float *irradiance, ChiaroIoImage *picture);
+
+/* What a file's name says that it holds. */
+bool picture_is_exr(const char *path);
+bool picture_is_png(const char *path);
+
+/* Writes radiance: as EXR as it is; as PNG through exposure (stops) and the tone curve, which the pixels keep. */
+bool picture_write(const char *path, ChiaroIoImage *picture, float exposure, ChiaroIoError *error);
 
 #endif
