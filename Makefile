@@ -46,14 +46,15 @@ COMMON_SAMPLES := $(call objects,$(wildcard samples/common/*.c))
 PROGRAMS := $(patsubst samples/%.c,$(B)/bin/%,$(wildcard samples/chiaro-*.c))
 TESTS := $(patsubst tests/test_%.c,$(B)/tests/test_%,$(wildcard tests/test_*.c))
 TEST_COMMON := $(call objects,$(wildcard tests/common/*.c))
-SPIRV := $(patsubst glsl/%.glsl,$(B)/spirv/%.h,$(wildcard glsl/*.vert.glsl glsl/*.frag.glsl glsl/*.comp.glsl))
+SPIRV := $(patsubst glsl/%.glsl,$(B)/spirv/%.spv,$(wildcard glsl/*.vert.glsl glsl/*.frag.glsl glsl/*.comp.glsl))
 
 LIBRARY := $(B)/libchiaro.a
+PLUGIN := $(B)/chiaro_plugin.so
 SHARED := $(B)/libchiaro.so.$(VERSION)
 BAKE_LIBRARY := $(B)/libchiaro_bake.a
 
 .PHONY: all help deps test bench demo install clean shaders
-all: $(LIBRARY) $(SHARED) $(BAKE_LIBRARY) $(PROGRAMS)
+all: $(LIBRARY) $(SHARED) $(PLUGIN) $(BAKE_LIBRARY) $(PROGRAMS)
 
 help: ## this list
 	@echo 'make            build the library and the programs (config=release|debug|sanitize)'
@@ -86,6 +87,8 @@ $(B)/obj/src/io/%.o $(B)/obj/samples/%.o $(B)/obj/tests/%.o: CFLAGS_ALL += $(EXR
 ifeq ($(config),release)
 $(B)/obj/src/bake/%.o: CFLAGS_ALL += -O3
 endif
+# Small where it is loaded: what is not reached goes, and nothing unwinds through C.
+$(CORE) $(VULKAN): CFLAGS_ALL += -ffunction-sections -fdata-sections -fno-unwind-tables -fno-asynchronous-unwind-tables
 $(B)/obj/src/offline/%.o: CFLAGS_ALL += -DCHIARO_EMBREE=$(subst embree,,$(EMBREE))
 
 $(B)/obj/%.o: %.c
@@ -96,13 +99,20 @@ $(B)/obj/%.o: %.cpp
 	@mkdir -p $(@D)
 	$(CXX) $(CXXFLAGS_ALL) -c $< -o $@
 
-$(B)/spirv/%.h: glsl/%.glsl
+$(B)/spirv/%.spv: glsl/%.glsl
 	@mkdir -p $(@D)
 	@printf '%s: %s\n' $@ "$$(ls glsl/* | tr '\n' ' ')" > $@.d
-	$(GLSLANG) --quiet -V --target-env vulkan1.1 -Iglsl --vn chiaro_$(subst .,_,$*) -o $@ $<
+	$(GLSLANG) --quiet -V -g0 --target-env vulkan1.1 -Iglsl -o $@ $<
 
-shaders: $(SPIRV) ## compile the shaders
-$(VULKAN): | $(SPIRV)
+$(B)/spirv/shaders.h: $(SPIRV) $(B)/bin/pack-shaders
+	$(B)/bin/pack-shaders $@ $(SPIRV)
+
+$(B)/bin/pack-shaders: $(B)/obj/src/tools/pack_shaders.o
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS_ALL) -o $@ $^
+
+shaders: $(B)/spirv/shaders.h ## compile the shaders
+$(VULKAN): | $(B)/spirv/shaders.h
 
 $(LIBRARY): $(CORE) $(VULKAN)
 	rm -f $@ && ar rcs $@ $^
@@ -110,6 +120,11 @@ $(LIBRARY): $(CORE) $(VULKAN)
 $(SHARED): $(CORE) $(VULKAN)
 	$(CC) $(LDFLAGS_ALL) -shared -Wl,-soname,libchiaro.so.0 -Wl,--no-undefined -o $@ $^ $(RUNTIME_LIBS)
 	ln -sf $(@F) $(B)/libchiaro.so.0 && ln -sf $(@F) $(B)/libchiaro.so
+
+# What hosts load with dlopen: the same objects, one symbol, and none of what it does not reach.
+$(PLUGIN): $(CORE) $(VULKAN) src/vulkan/plugin.map
+	$(CC) $(LDFLAGS_ALL) -shared -Wl,-soname,$(@F) -Wl,--version-script=src/vulkan/plugin.map -Wl,--gc-sections \
+	  -o $@ $(CORE) $(VULKAN) $(RUNTIME_LIBS)
 
 $(BAKE_LIBRARY): $(BAKE) $(OFFLINE)
 	rm -f $@ && ar rcs $@ $^
@@ -142,7 +157,7 @@ install: all ## install into PREFIX (default /usr/local; DESTDIR is honoured)
 	install -m 644 include/chiaro/*.h $(DESTDIR)$(PREFIX)/include/chiaro/
 	install -m 644 glsl/chiaro.glsl glsl/chiaro_shared.h $(DESTDIR)$(PREFIX)/share/chiaro/glsl/
 	install -m 644 $(LIBRARY) $(BAKE_LIBRARY) $(DESTDIR)$(PREFIX)/lib/
-	install -m 755 $(SHARED) $(DESTDIR)$(PREFIX)/lib/
+	install -m 755 $(SHARED) $(PLUGIN) $(DESTDIR)$(PREFIX)/lib/
 	ln -sf $(notdir $(SHARED)) $(DESTDIR)$(PREFIX)/lib/libchiaro.so.0
 	ln -sf $(notdir $(SHARED)) $(DESTDIR)$(PREFIX)/lib/libchiaro.so
 	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin/

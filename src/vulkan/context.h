@@ -3,7 +3,8 @@
  *   api.c        the table: checks arguments, keeps state, describes
  *   functions.c  Vulkan functions by the host's GetProcAddr
  *   arena.c      things that live and die together: memory, buffers, images, uploads, retirement
- *   pipelines.c  shaders, layouts, pipelines, each made when first needed
+ *   shaders.c    shaders, unpacked
+ *   pipelines.c  layouts, pipelines, each made when first needed
  *   scene.c      mesh, materials, textures, baked transport -> device
  *   lights.c     lights, shadow views and maps
  *   sky.c        the sky behind the picture, in the leaves of the tree, and its sun
@@ -105,6 +106,11 @@ uint64_t chiaro_upload_size(uint64_t size); /* what a copy takes of the capacity
 void *chiaro_upload_buffer(ChiaroVulkan *context, Upload *upload, DeviceBuffer buffer);
 void *chiaro_upload_image(ChiaroVulkan *context, Upload *upload, VkImage image, uint32_t width, uint32_t height,
                           uint32_t texel);
+
+/* ---- shaders.c ---------------------------------------------------------------------------------------------------- */
+
+/* A module of a shader of spirv/shaders.h; VK_NULL_HANDLE, with the failure in the arena, which does not own it. */
+VkShaderModule chiaro_shader_create(ChiaroVulkan *context, Arena *arena, uint32_t shader);
 
 /* ---- pipelines.c -------------------------------------------------------------------------------------------------- */
 

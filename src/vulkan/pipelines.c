@@ -8,36 +8,7 @@
 
 #include <stddef.h>
 
-#include "spirv/forward.frag.h"
-#include "spirv/forward.vert.h"
-#include "spirv/forward_blocked.frag.h"
-#include "spirv/forward_blocked_lit.frag.h"
-#include "spirv/forward_blocked_lit_textured.frag.h"
-#include "spirv/forward_blocked_textured.frag.h"
-#include "spirv/forward_gi.vert.h"
-#include "spirv/forward_lit.frag.h"
-#include "spirv/forward_lit_textured.frag.h"
-#include "spirv/forward_textured.frag.h"
-#include "spirv/gather_receivers.comp.h"
-#include "spirv/gather_samples.comp.h"
-#include "spirv/samples_dark.comp.h"
-#include "spirv/samples_lit.comp.h"
-#include "spirv/shadow.vert.h"
-#include "spirv/shadow_mask.frag.h"
-#include "spirv/shadow_mask.vert.h"
-#include "spirv/shadow_mask_textured.frag.h"
-#include "spirv/object.vert.h"
-#include "spirv/object_gi.vert.h"
-#include "spirv/sky.frag.h"
-#include "spirv/sky.vert.h"
-#include "spirv/tree.comp.h"
-
-typedef struct Shader {
-    const uint32_t *code;
-    size_t size;
-} Shader;
-
-#define SHADER(name) ((Shader){chiaro_##name, sizeof chiaro_##name})
+#include "spirv/shaders.h"
 
 /* ---- layouts and sets --------------------------------------------------------------------------------------------- */
 
@@ -238,23 +209,9 @@ static VkPipelineLayout create_layout(ChiaroVulkan *context, Arena *arena, uint3
     return kept ? layout : VK_NULL_HANDLE;
 }
 
-static VkShaderModule create_module(ChiaroVulkan *context, Arena *arena, Shader shader)
-{
-    VkShaderModuleCreateInfo info = {
-        .sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, .codeSize = shader.size, .pCode = shader.code};
-    VkShaderModule module = VK_NULL_HANDLE;
-    if (arena->result != CHIARO_OK)
-        return module;
-    VkResult result =
-        context->vk.CreateShaderModule(context->desc.device, &info, context->desc.allocation_callbacks, &module);
-    if (result != VK_SUCCESS)
-        arena->result = chiaro_vulkan_check(context, result, "vkCreateShaderModule");
-    return module;
-}
-
 /* What distinguishes the graphics pipelines. */
 typedef struct GraphicsDesc {
-    Shader vertex, fragment; /* fragment.code NULL: depth only */
+    uint32_t vertex, fragment; /* SHADER_; fragment SHADER_COUNT: depth only */
     const VkSpecializationInfo *constants;
     const VkPipelineVertexInputStateCreateInfo *input;
     VkPipelineLayout layout;
@@ -270,9 +227,10 @@ static VkPipeline create_graphics(ChiaroVulkan *context, Arena *arena, const Gra
 {
     const VulkanFunctions *vk = &context->vk;
     const VkAllocationCallbacks *callbacks = context->desc.allocation_callbacks;
-    VkShaderModule vertex = create_module(context, arena, desc->vertex);
-    VkShaderModule fragment =
-        desc->fragment.code ? create_module(context, arena, desc->fragment) : (VkShaderModule)VK_NULL_HANDLE;
+    VkShaderModule vertex = chiaro_shader_create(context, arena, desc->vertex);
+    VkShaderModule fragment = VK_NULL_HANDLE;
+    if (desc->fragment != SHADER_COUNT)
+        fragment = chiaro_shader_create(context, arena, desc->fragment);
     VkPipelineShaderStageCreateInfo stages[2] = {{.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
                                                   .stage = VK_SHADER_STAGE_VERTEX_BIT,
                                                   .module = vertex,
@@ -315,7 +273,7 @@ static VkPipeline create_graphics(ChiaroVulkan *context, Arena *arena, const Gra
                                                .stencilAttachmentFormat = context->desc.stencil_format};
     VkGraphicsPipelineCreateInfo info = {.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO,
                                          .pNext = desc->pass ? NULL : &rendering,
-                                         .stageCount = desc->fragment.code ? 2 : 1,
+                                         .stageCount = desc->fragment != SHADER_COUNT ? 2 : 1,
                                          .pStages = stages,
                                          .pVertexInputState = desc->input,
                                          .pInputAssemblyState = &assembly,
@@ -393,16 +351,12 @@ static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lig
     Pipeline made = {create_layout(context, arena, 4, sets, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT,
                                    sizeof(ChiaroForwardPush)),
                      VK_NULL_HANDLE};
-    const Shader fragments[8] = {SHADER(forward_frag),
-                                 SHADER(forward_lit_frag),
-                                 SHADER(forward_textured_frag),
-                                 SHADER(forward_lit_textured_frag),
-                                 SHADER(forward_blocked_frag),
-                                 SHADER(forward_blocked_lit_frag),
-                                 SHADER(forward_blocked_textured_frag),
-                                 SHADER(forward_blocked_lit_textured_frag)};
-    Shader still_vertex = gi ? SHADER(forward_gi_vert) : SHADER(forward_vert);
-    Shader object_vertex = gi ? SHADER(object_gi_vert) : SHADER(object_vert);
+    static const uint32_t fragments[8] = {
+        SHADER_forward_frag,          SHADER_forward_lit_frag,          SHADER_forward_textured_frag,
+        SHADER_forward_lit_textured_frag, SHADER_forward_blocked_frag,  SHADER_forward_blocked_lit_frag,
+        SHADER_forward_blocked_textured_frag, SHADER_forward_blocked_lit_textured_frag};
+    uint32_t still_vertex = gi ? SHADER_forward_gi_vert : SHADER_forward_vert;
+    uint32_t object_vertex = gi ? SHADER_object_gi_vert : SHADER_object_vert;
     GraphicsDesc desc = {.vertex = object ? object_vertex : still_vertex,
                          .fragment = fragments[4 * blocked + 2 * textured + lit],
                          .constants = &specialization,
@@ -435,9 +389,9 @@ static Pipeline create_shadow(ChiaroVulkan *context, Arena *arena, uint32_t kind
     Pipeline made = {create_layout(context, arena, 1, &set, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT,
                                    sizeof(ChiaroShadowPush)),
                      VK_NULL_HANDLE};
-    Shader mask = textured ? SHADER(shadow_mask_textured_frag) : SHADER(shadow_mask_frag);
-    GraphicsDesc desc = {.vertex = masked ? SHADER(shadow_mask_vert) : SHADER(shadow_vert),
-                         .fragment = masked ? mask : (Shader){NULL, 0},
+    uint32_t mask = textured ? SHADER_shadow_mask_textured_frag : SHADER_shadow_mask_frag;
+    GraphicsDesc desc = {.vertex = masked ? SHADER_shadow_mask_vert : SHADER_shadow_vert,
+                         .fragment = masked ? mask : SHADER_COUNT,
                          .input = &input,
                          .layout = made.layout,
                          .pass = context->layouts.shadow_pass,
@@ -457,8 +411,8 @@ static Pipeline create_background(ChiaroVulkan *context, Arena *arena)
     Pipeline made = {create_layout(context, arena, 1, &context->layouts.sky,
                                    VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, sizeof(ChiaroSkyPush)),
                      VK_NULL_HANDLE};
-    GraphicsDesc desc = {.vertex = SHADER(sky_vert),
-                         .fragment = SHADER(sky_frag),
+    GraphicsDesc desc = {.vertex = SHADER_sky_vert,
+                         .fragment = SHADER_sky_frag,
                          .constants = &specialization,
                          .input = &input,
                          .layout = made.layout,
@@ -474,17 +428,17 @@ static Pipeline create_background(ChiaroVulkan *context, Arena *arena)
 
 static Pipeline create_gi(ChiaroVulkan *context, Arena *arena, uint32_t pass)
 {
-    static const Shader shaders[GI_PASSES] = {
-        [GI_SAMPLES_LIT] = {chiaro_samples_lit_comp, sizeof chiaro_samples_lit_comp},
-        [GI_SAMPLES_DARK] = {chiaro_samples_dark_comp, sizeof chiaro_samples_dark_comp},
-        [GI_TREE] = {chiaro_tree_comp, sizeof chiaro_tree_comp},
-        [GI_GATHER_SAMPLES] = {chiaro_gather_samples_comp, sizeof chiaro_gather_samples_comp},
-        [GI_GATHER_RECEIVERS] = {chiaro_gather_receivers_comp, sizeof chiaro_gather_receivers_comp}};
+    static const uint32_t shaders[GI_PASSES] = {
+        [GI_SAMPLES_LIT] = SHADER_samples_lit_comp,
+        [GI_SAMPLES_DARK] = SHADER_samples_dark_comp,
+        [GI_TREE] = SHADER_tree_comp,
+        [GI_GATHER_SAMPLES] = SHADER_gather_samples_comp,
+        [GI_GATHER_RECEIVERS] = SHADER_gather_receivers_comp};
     VkDescriptorSetLayout sets[2] = {context->layouts.gi, context->layouts.lights};
     Pipeline made = {create_layout(context, arena, pass == GI_SAMPLES_LIT ? 2 : 1, sets, VK_SHADER_STAGE_COMPUTE_BIT,
                                    sizeof(ChiaroComputePush)),
                      VK_NULL_HANDLE};
-    VkShaderModule module = create_module(context, arena, shaders[pass]);
+    VkShaderModule module = chiaro_shader_create(context, arena, shaders[pass]);
     VkComputePipelineCreateInfo info = {.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO,
                                         .stage = {.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
                                                   .stage = VK_SHADER_STAGE_COMPUTE_BIT,
