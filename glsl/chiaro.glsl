@@ -156,6 +156,8 @@ float chiaro_shadow_mix(ChiaroShadowPlace place, vec4 blocked)
 
 float chiaro_shadow_quick(ChiaroGpuLight light, vec3 point, vec3 normal)
 {
+    if (light.info.w == 1)
+        return 1;
     ChiaroShadowPlace place = chiaro_shadow_place(light, point, normal);
     vec4 stored = chiaro_shadow_gather(light, place.base + 1, place.layer);
     return chiaro_shadow_mix(place, chiaro_shadow_blocked(place, stored));
@@ -173,6 +175,8 @@ float chiaro_shadow_behind(ChiaroShadowPlace place, float tap, float outer_x, fl
 /* The same, without the dark seam of one texel that concave corners would get. */
 float chiaro_shadow(ChiaroGpuLight light, vec3 point, vec3 normal)
 {
+    if (light.info.w == 1)
+        return 1;
     ChiaroShadowPlace place = chiaro_shadow_place(light, point, normal);
     vec4 a = chiaro_shadow_gather(light, place.base, place.layer);
     vec4 b = chiaro_shadow_gather(light, place.base + vec2(2, 0), place.layer);
@@ -208,6 +212,8 @@ float chiaro_disc_shadow(ChiaroGpuLight light, vec3 point, vec3 normal)
 {
     const int looks = 32, taps = 32, rim = 6;
     const mat2 turn = mat2(-0.737369, 0.675490, -0.675490, -0.737369); /* by the golden angle */
+    if (light.info.w == 1)
+        return 1;
     ChiaroShadowPlace place = chiaro_shadow_place(light, point, normal);
     vec2 spread = light.cone.x * light.shadow.y / (2 * light.shadow.x) / vec2(light.right.w, light.up.w);
     vec2 way = vec2(1, 0);

@@ -42,6 +42,10 @@
 #define CHIARO_GPU_PUNCTUAL 1u
 #define CHIARO_GPU_INDIRECT 2u
 
+/* Ideas that shaders do without: values of ChiaroVulkanWithout. */
+#define CHIARO_GPU_WITHOUT_CAVITY 8u
+#define CHIARO_GPU_WITHOUT_BENT_NORMALS 16u
+
 /* Structures of buffers and push constants: only 16-byte members, so that both languages lay them out alike. */
 #ifdef __STDC_VERSION__
 #include <stdint.h>
@@ -67,7 +71,7 @@ CHIARO_STRUCT(ChiaroGpuLight)
     CHIARO_VEC4(right);     /* unit; w: half width of the view (perspective: at distance 1) */
     CHIARO_VEC4(up);        /* unit; w: half height */
     CHIARO_VEC4(shadow);    /* near (sun: 1 / depth), size in texels, coordinate rounding in m, steepest slope of q */
-    CHIARO_UVEC4(info);     /* type; 1: six faces, 0: one view; first layer; unused */
+    CHIARO_UVEC4(info);     /* type; 1: six faces, 0: one view; first layer; 1: casts no shadow */
 };
 
 /* CHIARO_BLOCKER_GAP of chiaro_world.h. */
@@ -107,7 +111,7 @@ CHIARO_STRUCT(ChiaroForwardPush)
     CHIARO_VEC4(eye);      /* w: exposure as a factor */
     CHIARO_VEC4(albedo);   /* w: alpha */
     CHIARO_VEC4(emission); /* w: alpha cutoff */
-    CHIARO_UVEC4(flags);   /* 1: albedo texture, emission texture; rest unused */
+    CHIARO_UVEC4(flags);   /* 1: albedo texture, emission texture; CHIARO_GPU_WITHOUT_; unused */
 };
 
 /* Push constants of a shadow face: rows of the transform from v = point - position to clip space. */

@@ -44,7 +44,9 @@ void main()
     v_color = color;
     v_uv = vec4(uv, emission_uv);
 #if defined(CHIARO_OBJECT) && defined(CHIARO_GI)
-    v_irradiance = chiaro_object_irradiance(object, cavity, bent, parts, weights);
+    vec3 shade = (push.flags.z & CHIARO_GPU_WITHOUT_CAVITY) != 0 ? vec3(1) : cavity;
+    vec3 way = (push.flags.z & CHIARO_GPU_WITHOUT_BENT_NORMALS) != 0 ? normal : bent;
+    v_irradiance = chiaro_object_irradiance(object, shade, way, parts, weights);
 #elif defined(CHIARO_GI)
     v_irradiance = irradiance[receiver].rgb;
 #else

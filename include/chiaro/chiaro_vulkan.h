@@ -79,6 +79,24 @@ typedef struct ChiaroVulkanDesc {
     ChiaroLog log;
 } ChiaroVulkanDesc;
 
+/** Ideas that can be taken out and put back while everything runs, to see what each one does: bits of
+ * ChiaroVulkanSettings::without. */
+typedef enum ChiaroVulkanWithout {
+    CHIARO_WITHOUT_LINKS = 1,          /**< What stays gets no light through links. */
+    CHIARO_WITHOUT_BOUNCES = 2,        /**< Light bounces once only. */
+    CHIARO_WITHOUT_CUBES = 4,          /**< Objects have no environment cubes: neither light from them nor their own. */
+    CHIARO_WITHOUT_CAVITY = 8,         /**< Objects do not darken their own hollows. */
+    CHIARO_WITHOUT_BENT_NORMALS = 16,  /**< Cubes are looked up along the plain normal. */
+    CHIARO_WITHOUT_BLOCKERS = 32,      /**< Objects neither block nor give bounce light of static surfaces. */
+    CHIARO_WITHOUT_NEIGHBOURS = 64,    /**< Objects do not see each other. */
+    CHIARO_WITHOUT_SKIN = 128,         /**< What is near is seen from a cube's centre, not from the object's skin. */
+    CHIARO_WITHOUT_SMOOTHING = 256,    /**< Cubes are not smoothed: objects shine back what lies straight ahead. */
+    CHIARO_WITHOUT_FADES = 512,        /**< A newer cube is shown at once. */
+    CHIARO_WITHOUT_SHADOWS = 1024,     /**< Lights shine through everything. */
+    CHIARO_WITHOUT_SKY_SUN = 2048,     /**< The sun of the sky is out. */
+    CHIARO_WITHOUT_ALL = 4095
+} ChiaroVulkanWithout;
+
 /** All zero: bounce light on, everything shown, linear radiance. */
 typedef struct ChiaroVulkanSettings {
     uint32_t struct_size; /**< sizeof(ChiaroVulkanSettings). */
@@ -87,6 +105,10 @@ typedef struct ChiaroVulkanSettings {
     uint32_t tone_map;    /**< 1: exposure and filmic curve; colour is then display-linear 0 .. 1. */
     float exposure;       /**< Stops, -64 .. 64; used by the tone map only. */
     uint32_t reserved;
+    uint32_t without;     /**< Bits of ChiaroVulkanWithout. */
+    uint32_t cubes;       /**< Repainted in an update, at most; 0: as ChiaroVulkanObjects says. */
+    uint32_t direct_too;  /**< 1: pipelines for ChiaroVulkanDraw::direct_only are kept ready. */
+    uint32_t reserved1;
 } ChiaroVulkanSettings;
 
 typedef struct ChiaroVulkanLoad {
@@ -113,6 +135,8 @@ typedef struct ChiaroVulkanDraw {
     float projection[16];           /**< View to clip, perspective. */
     VkViewport viewport;
     VkRect2D scissor;
+    uint32_t direct_only; /**< 1: without bounce light, as if it were off. Needs ChiaroVulkanSettings::direct_too. */
+    uint32_t reserved1;
 } ChiaroVulkanDraw;
 
 /** One thing that Chiaro can do, and whether this scene makes it do it. */

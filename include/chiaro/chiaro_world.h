@@ -133,6 +133,18 @@ CHIARO_API const ChiaroWorldDesc *chiaro_world_desc(const ChiaroWorld *world);
  * @param sky NULL: black; not needed afterwards. @errors CHIARO_ERROR_ARGUMENT. @thread_safety one thread a world. */
 CHIARO_API ChiaroResult chiaro_world_sky(ChiaroWorld *world, const ChiaroSky *sky);
 
+/** Ideas that a world can do without, to see what each one does: bits, with the values of ChiaroVulkanWithout. */
+typedef enum ChiaroWorldWithout {
+    CHIARO_WORLD_WITHOUT_NEIGHBOURS = 64, /**< Objects do not see each other. */
+    CHIARO_WORLD_WITHOUT_SKIN = 128,      /**< What is near is seen from a cube's centre, not from the object's skin. */
+    CHIARO_WORLD_WITHOUT_SMOOTHING = 256, /**< Cubes hold radiance as it was painted. */
+    CHIARO_WORLD_WITHOUT_ALL = 448
+} ChiaroWorldWithout;
+
+/** Takes ideas out, puts the others back: beginning with the next round.
+ * @param without bits of ChiaroWorldWithout; others are left alone. @thread_safety one thread a world. */
+CHIARO_API void chiaro_world_without(ChiaroWorld *world, uint32_t without);
+
 /** Light, as the static scene has it. Zero: dark. */
 typedef struct ChiaroWorldLight {
     uint32_t struct_size;      /**< sizeof(ChiaroWorldLight). */

@@ -236,6 +236,13 @@ ChiaroResult chiaro_world_light(ChiaroWorld *world, const ChiaroWorldLight *ligh
     return CHIARO_OK;
 }
 
+void chiaro_world_without(ChiaroWorld *world, uint32_t without)
+{
+    without &= CHIARO_WORLD_WITHOUT_ALL;
+    world->changed |= without != world->without_next;
+    world->without_next = without;
+}
+
 /* ------------------------------------------------------------------------------------------------------------------
  * Objects
  */
@@ -397,6 +404,7 @@ static void begin_round(ChiaroWorld *world)
         world->light = world->coming, world->coming = done;
         world->light_comes = false;
     }
+    world->without = world->without_next;
     for (uint32_t n = 0; n < world->body_end; n++) {
         Body *body = &world->bodies[n];
         body->present = body->used, body->painted = false;

@@ -116,6 +116,7 @@ struct ChiaroWorld {
     uint32_t *tile_first;
     StaticLight light, coming;   /* of the round; of the next one */
     bool light_comes;
+    uint32_t without, without_next; /* ChiaroWorldWithout: in this round; from the next one on */
 
     bool changed, shown_stale;
     bool in_round;

@@ -132,14 +132,13 @@ static void paint_neighbours(Canvas *canvas, uint32_t id)
 {
     const ChiaroWorld *world = canvas->world;
     Listed listed[MAX_LISTED];
-    uint32_t count = list_neighbours(canvas, id, listed);
+    uint32_t count = world->without & CHIARO_WORLD_WITHOUT_NEIGHBOURS ? 0 : list_neighbours(canvas, id, listed);
     chiaro_cube_clear(world->kernel, canvas->near);
     chiaro_cube_clear(world->kernel, canvas->far);
     for (uint32_t i = 0; i < count; i++) {
         const Body *other = &world->bodies[listed[i].id];
-        bool near = listed[i].distance < (NEAR_OBJECT - 1) * canvas->radius;
-        float point[3];
-        near = near || (other->shines && listed[i].distance < NEAR_LAMP * canvas->radius);
+        float reach = other->shines ? NEAR_LAMP : NEAR_OBJECT - 1, point[3];
+        bool near = !(world->without & CHIARO_WORLD_WITHOUT_SKIN) && listed[i].distance < reach * canvas->radius;
         *(near ? &canvas->any_near : &canvas->any_far) = true;
         if (chiaro_is_ball(other->object.primitives.nodes)) {
             paint_node(canvas, other, 0, near); /* it is the same from everywhere, however near */
@@ -251,7 +250,7 @@ static void paint_static(Canvas *canvas)
     uint32_t count = chiaro_static_items(world, canvas->center, canvas->radius);
     for (uint32_t i = 0; i < count && canvas->closed < world->texel_count; i++) {
         Item *item = &world->items[(uint32_t)world->item_order[i]];
-        item->near = item->near && world->near.plate_count < WORLD_MAX_NEAR;
+        item->near &= world->near.plate_count < WORLD_MAX_NEAR && !(world->without & CHIARO_WORLD_WITHOUT_SKIN);
         if (is_hidden(canvas, item))
             continue;
         put_in_front(canvas, item);
@@ -351,7 +350,10 @@ static void paint_part(Canvas *canvas, uint32_t id, uint32_t part)
     paint_neighbours(canvas, id);
     paint_static(canvas);
     resolve(canvas);
-    chiaro_cube_smooth(world->kernel, canvas->radiance, texels);
+    if (world->without & CHIARO_WORLD_WITHOUT_SMOOTHING)
+        memcpy(texels, canvas->radiance, sizeof canvas->radiance[0] * 4 * world->texel_count);
+    else
+        chiaro_cube_smooth(world->kernel, canvas->radiance, texels);
     if (world->near.plate_count || world->near.ball_count)
         add_near(canvas, part, texels);
     for (uint32_t t = 0; t < world->texel_count; t++)

@@ -214,14 +214,16 @@ static ChiaroResult settings_set(ChiaroVulkan *context, const ChiaroVulkanSettin
     if (!context || !settings || settings->struct_size != sizeof *settings)
         return CHIARO_ERROR_ARGUMENT;
     if (settings->component > CHIARO_COMPONENT_INDIRECT || settings->gi_off > 1 || settings->tone_map > 1 ||
-        !(fabsf(settings->exposure) <= MAX_EXPOSURE))
-        return refuse(context, "settings_set: component, gi_off, tone_map or exposure");
+        !(fabsf(settings->exposure) <= MAX_EXPOSURE) || settings->without > CHIARO_WITHOUT_ALL ||
+        settings->direct_too > 1)
+        return refuse(context, "settings_set: component, gi_off, tone_map, exposure, without or direct_too");
     const ChiaroVulkanSettings *old = &context->settings;
     if (old->gi_off && !settings->gi_off && context->scene.arena && !context->scene.gi_arena)
         return refuse(context, "settings_set: the scene was loaded without bounce light");
     if (old->gi_off && !settings->gi_off && context->objects.arena && !context->objects.has_gi)
         return refuse(context, "settings_set: objects were loaded without bounce light");
-    bool other_light = old->component != settings->component || old->gi_off != settings->gi_off;
+    bool other_light = old->component != settings->component || old->gi_off != settings->gi_off ||
+                       old->without != settings->without;
     if (old->component != settings->component || old->tone_map != settings->tone_map)
         chiaro_pipelines_retire_forward(context);
     context->settings = *settings;
@@ -257,6 +259,8 @@ static ChiaroResult draw(ChiaroVulkan *context, const ChiaroVulkanDraw *info)
     for (int i = 0; i < 16; i++)
         if (!isfinite(info->view[i]) || !isfinite(info->projection[i]))
             return refuse(context, "draw: a matrix is not finite");
+    if (info->direct_only > context->settings.direct_too)
+        return refuse(context, "draw: direct_only without direct_too");
     if (!context->scene.arena)
         return CHIARO_ERROR_SCENE;
     chiaro_record_draw(context, info);
@@ -365,16 +369,20 @@ static void describe_lights(const ChiaroVulkan *context, FeatureList *list)
 static void describe_objects(const ChiaroVulkan *context, FeatureList *list)
 {
     const ObjectsState *objects = &context->objects;
-    bool there = objects->arena, gi = chiaro_vulkan_object_gi(context), punctual = !context->settings.gi_off;
+    bool there = objects->arena, out = chiaro_vulkan_without(context, CHIARO_WITHOUT_CUBES) || context->settings.gi_off;
     const char *missing = !there ? "no objects are loaded" : NULL;
-    const char *no_cubes = !there ? missing : gi ? NULL : punctual ? "the punctual component has none" : "turned off";
+    const char *no_cubes = chiaro_vulkan_object_gi(context) || !there ? missing
+                           : out                                      ? "turned off"
+                                                                      : "the punctual component has none";
     ChiaroVulkanObjectStats stats = {.struct_size = sizeof stats};
     chiaro_objects_stats(context, &stats);
     uint64_t back = there && objects->has_gi ? objects->blockers.size + objects->grid.size : 0;
     add_feature(list, "moving objects", missing, "objects are loaded", stats.bytes - stats.cube_bytes - back);
     add_feature(list, "environment cubes", no_cubes, "objects have them", stats.cube_bytes);
     bool blocked = chiaro_forward_lighting(context) & FORWARD_BLOCKED;
-    add_feature(list, "objects on static light", no_cubes ? no_cubes : blocked ? NULL : "there is no static bounce light",
+    bool unblocked = chiaro_vulkan_without(context, CHIARO_WITHOUT_BLOCKERS);
+    const char *no_blockers = unblocked ? "turned off" : "there is no static bounce light";
+    add_feature(list, "objects on static light", no_cubes ? no_cubes : blocked ? NULL : no_blockers,
                 "objects block and give it", back);
 }
 
@@ -404,6 +412,7 @@ static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features,
     const char *no_sun = !context->sky.set ? "no sky" : !sky_leaves ? "sky is not seen" : NULL;
     add_feature(&list, "sun of the sky", no_gi    ? no_gi
                                          : no_sun ? no_sun
+                                         : chiaro_vulkan_without(context, CHIARO_WITHOUT_SKY_SUN) ? "turned off"
                                          : context->sky.has_sun ? NULL
                                                                 : "no spot of the sky is worth a light",
                 "a light of its own", 0);

@@ -348,10 +348,16 @@ static inline bool chiaro_vulkan_gi(const ChiaroVulkan *context)
             (context->sky.set && context->scene.transport.sky_count > 0));
 }
 
+/* An idea has been taken out. */
+static inline bool chiaro_vulkan_without(const ChiaroVulkan *context, ChiaroVulkanWithout idea)
+{
+    return context->settings.without & (uint32_t)idea;
+}
+
 /* The sun of the sky shines: a light with a shadow, that counts as indirect as all light of the sky does. */
 static inline bool chiaro_vulkan_sun(const ChiaroVulkan *context)
 {
-    return context->sky.has_sun && context->scene.transport.sky_count > 0 && chiaro_vulkan_gi(context);
+    return context->sky.has_sun && !chiaro_vulkan_without(context, CHIARO_WITHOUT_SKY_SUN) && context->scene.transport.sky_count > 0 && chiaro_vulkan_gi(context);
 }
 
 /* Lights that shine: the host's, and the sun of the sky. */
@@ -364,6 +370,7 @@ static inline uint32_t chiaro_vulkan_lights(const ChiaroVulkan *context)
 static inline bool chiaro_vulkan_object_gi(const ChiaroVulkan *context)
 {
     return context->objects.arena && context->objects.has_gi && !context->settings.gi_off &&
+           !chiaro_vulkan_without(context, CHIARO_WITHOUT_CUBES) &&
            context->settings.component != CHIARO_COMPONENT_PUNCTUAL;
 }
 
@@ -372,7 +379,8 @@ static inline uint32_t chiaro_forward_lighting(const ChiaroVulkan *context)
 {
     bool sun = chiaro_vulkan_sun(context), indirect = context->settings.component == CHIARO_COMPONENT_INDIRECT;
     bool lit = indirect ? sun : chiaro_vulkan_lights(context) > 0;
-    bool gi = chiaro_vulkan_gi(context), blocked = gi && chiaro_vulkan_object_gi(context);
+    bool gi = chiaro_vulkan_gi(context) && !chiaro_vulkan_without(context, CHIARO_WITHOUT_LINKS);
+    bool blocked = gi && chiaro_vulkan_object_gi(context) && !chiaro_vulkan_without(context, CHIARO_WITHOUT_BLOCKERS);
     return (lit ? FORWARD_LIT : 0u) | (gi ? FORWARD_GI : 0u) | (sun ? FORWARD_SUN : 0u) |
            (blocked ? FORWARD_BLOCKED : 0u);
 }
@@ -382,6 +390,13 @@ static inline uint32_t chiaro_object_lighting(const ChiaroVulkan *context)
 {
     return (chiaro_forward_lighting(context) & (FORWARD_LIT | FORWARD_SUN)) |
            (chiaro_vulkan_object_gi(context) ? FORWARD_GI : 0u);
+}
+
+/* Of a picture without bounce light. */
+static inline uint32_t chiaro_direct_lighting(const ChiaroVulkan *context)
+{
+    bool lit = context->scene.arena && context->lights.count > 0;
+    return lit && context->settings.component != CHIARO_COMPONENT_INDIRECT ? FORWARD_LIT : 0u;
 }
 
 static inline bool chiaro_vulkan_background(const ChiaroVulkan *context)

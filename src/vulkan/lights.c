@@ -72,6 +72,7 @@ static void pack_light(const ChiaroVulkan *context, const ChiaroLight *light, ui
     gpu->info[0] = light->type;
     gpu->info[1] = faces;
     gpu->info[2] = layer;
+    gpu->info[3] = chiaro_vulkan_without(context, CHIARO_WITHOUT_SHADOWS);
     gpu->shadow[1] = size;
     gpu->shadow[2] = 4e-7f * furthest;
     if (light->type != CHIARO_LIGHT_POINT)

@@ -19,6 +19,14 @@
 enum { DEFAULT_CUBES = 8, SHORTEST_FADE = 4, LONGEST_FADE = 64 };
 
 /* At most: see sort_cells. */
+_Static_assert(CHIARO_GPU_WITHOUT_CAVITY == CHIARO_WITHOUT_CAVITY &&
+                   CHIARO_GPU_WITHOUT_BENT_NORMALS == CHIARO_WITHOUT_BENT_NORMALS,
+               "ideas of forward_vertex.glsl");
+_Static_assert((int)CHIARO_WORLD_WITHOUT_NEIGHBOURS == (int)CHIARO_WITHOUT_NEIGHBOURS &&
+                   (int)CHIARO_WORLD_WITHOUT_SKIN == (int)CHIARO_WITHOUT_SKIN &&
+                   (int)CHIARO_WORLD_WITHOUT_SMOOTHING == (int)CHIARO_WITHOUT_SMOOTHING,
+               "ideas of the world");
+
 enum { CELL_WORDS = CHIARO_MAX_WORLD_CELLS * (CHIARO_MAX_CELL_BLOCKERS + 2) + 1 };
 
 /* The light of the static scene follows objects' shadows this often, in frames: illumination may be late. */
@@ -89,7 +97,7 @@ static ChiaroResult create_lists(ChiaroVulkan *context, const ChiaroVulkanObject
     state->slots = chiaro_vulkan_alloc(context, state->slot_count, sizeof *state->slots);
     state->scales = chiaro_vulkan_alloc(context, state->slot_count, 2 * sizeof(float));
     state->colors = chiaro_vulkan_alloc(context, 8 * (size_t)state->slot_count, state->texels * sizeof(float));
-    state->painted = chiaro_vulkan_alloc(context, state->cubes + CHIARO_MAX_OBJECT_PARTS, sizeof(uint32_t));
+    state->painted = chiaro_vulkan_alloc(context, state->slot_count + CHIARO_MAX_OBJECT_PARTS, sizeof(uint32_t));
     state->encoded = chiaro_vulkan_alloc(context, 2 * (size_t)state->words, sizeof(uint32_t));
     state->cells = chiaro_vulkan_alloc(context, CELL_WORDS, sizeof(uint32_t));
     if (!state->cells || !state->meshes_by_number || !state->shown || !state->slots || !state->scales ||
@@ -261,15 +269,17 @@ static uint32_t copy_lights(const ChiaroVulkan *context, ChiaroLight lights[CHIA
 static void hand_over(ChiaroVulkan *context, const float *values)
 {
     ObjectsState *state = &context->objects;
+    bool shadows = !chiaro_vulkan_without(context, CHIARO_WITHOUT_SHADOWS);
+    bool bounces = !chiaro_vulkan_without(context, CHIARO_WITHOUT_BOUNCES);
     ChiaroWorldLight light = {.struct_size = sizeof light,
                               .light_count = state->light_count,
                               .lights = state->lights,
-                              .visible = state->visible,
+                              .visible = shadows ? state->visible : NULL,
                               .user = state->user,
                               .stride = 4};
     if (values) {
         light.direct = values;
-        light.total = values + 4 * (size_t)context->scene.transport.node_count;
+        light.total = bounces ? values + 4 * (size_t)context->scene.transport.node_count : values;
     }
     chiaro_world_light(state->world, &light);
 }
@@ -424,7 +434,7 @@ static void take_cube(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t 
     }
     uint64_t interval = context->frame - slot->start;
     interval = interval < SHORTEST_FADE ? SHORTEST_FADE : interval;
-    slot->length = new ? 0 : interval < LONGEST_FADE ? (uint32_t)interval : LONGEST_FADE;
+    slot->length = new || chiaro_vulkan_without(context, CHIARO_WITHOUT_FADES) ? 0 : interval < LONGEST_FADE ? (uint32_t)interval : LONGEST_FADE;
     slot->start = context->frame;
     slot->id = cube.id;
     slot->part = cube.part;
@@ -548,7 +558,10 @@ void chiaro_objects_update(ChiaroVulkan *context, VkCommandBuffer commands, uint
     state->upload_bytes = 0;
     if (chiaro_vulkan_object_gi(context)) {
         take_light(context, completed);
-        state->painted_count = chiaro_world_update(state->world, state->cubes, state->painted);
+        chiaro_world_without(state->world, context->settings.without);
+        uint32_t cubes = context->settings.cubes ? context->settings.cubes : state->cubes;
+        cubes = cubes < state->slot_count ? cubes : state->slot_count;
+        state->painted_count = chiaro_world_update(state->world, cubes, state->painted);
         for (uint32_t i = 0; i < state->painted_count; i++)
             take_cube(context, commands, state->painted[i]);
         fade_cubes(context, commands);

@@ -473,6 +473,15 @@ static ChiaroResult take_result(Arena *arena)
     return result;
 }
 
+/* One that draws a kind of surface, if there is any of that kind. */
+static void prepare_forward(ChiaroVulkan *context, uint32_t lighting, uint32_t kind, bool object)
+{
+    Pipeline *pipeline = object ? &context->forward_objects[lighting][kind] : &context->forward[lighting][kind];
+    uint32_t surfaces = object ? context->objects.meshes.surfaces : context->scene.surfaces;
+    if ((surfaces >> kind & 1) && !pipeline->pipeline)
+        *pipeline = create_forward(context, context->forward_arena, lighting, kind, object);
+}
+
 ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
 {
     if (!context->forward_arena && !(context->forward_arena = chiaro_arena_create(context)))
@@ -483,14 +492,14 @@ ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
     uint32_t lighting = chiaro_forward_lighting(context), object_lighting = chiaro_object_lighting(context);
     uint32_t shadows = context->scene.shadows | context->objects.meshes.shadows;
     uint32_t apart = lighting & ~(uint32_t)FORWARD_BLOCKED; /* parts of the scene that no object is near */
+    uint32_t direct = context->settings.direct_too ? chiaro_direct_lighting(context) : lighting;
+    uint32_t direct_objects = context->settings.direct_too ? direct : object_lighting;
     for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++) {
-        Pipeline *still = &context->forward[lighting][kind], *object = &context->forward_objects[object_lighting][kind];
-        if ((context->scene.surfaces >> kind & 1) && !still->pipeline)
-            *still = create_forward(context, context->forward_arena, lighting, kind, false);
-        if ((context->scene.surfaces >> kind & 1) && !context->forward[apart][kind].pipeline)
-            context->forward[apart][kind] = create_forward(context, context->forward_arena, apart, kind, false);
-        if ((context->objects.meshes.surfaces >> kind & 1) && !object->pipeline)
-            *object = create_forward(context, context->forward_arena, object_lighting, kind, true);
+        prepare_forward(context, lighting, kind, false);
+        prepare_forward(context, apart, kind, false);
+        prepare_forward(context, direct, kind, false);
+        prepare_forward(context, object_lighting, kind, true);
+        prepare_forward(context, direct_objects, kind, true);
     }
     if (chiaro_vulkan_background(context) && !context->sky_background.pipeline)
         context->sky_background = create_background(context, context->forward_arena);

@@ -188,7 +188,7 @@ static void record_shadow_maps(ChiaroVulkan *context, VkCommandBuffer commands)
     lights->fresh = false;
     for (uint32_t i = 0; i < chiaro_vulkan_lights(context); i++) {
         uint32_t faces = lights->gpu[i].info[1] ? 6 : 1;
-        for (uint32_t face = 0; lights->stale[i] && face < faces; face++)
+        for (uint32_t face = 0; lights->stale[i] && !lights->gpu[i].info[3] && face < faces; face++)
             record_shadow_map(context, commands, &lights->gpu[i], face);
         lights->stale[i] = false;
     }
@@ -241,13 +241,17 @@ static void record_gi(ChiaroVulkan *context, VkCommandBuffer commands)
     ChiaroComputePush samples = {.range = {0, t->sample_count}};
     dispatch(context, commands, lit, t->sample_count, &samples);
     record_tree(context, commands, 0);
+    bool bounce = !chiaro_vulkan_without(context, CHIARO_WITHOUT_BOUNCES);
     ChiaroComputePush bounces = {.range = {0, t->sample_links.block_count, 0, t->node_count},
                                  .more = {t->sample_count, t->leaf_count}};
-    dispatch(context, commands, GI_GATHER_SAMPLES, t->sample_links.block_count * CHIARO_GROUP_SIZE + t->sky_count,
-             &bounces);
-    record_tree(context, commands, t->node_count);
-    ChiaroComputePush receivers = {.range = {0, t->receiver_links.block_count, t->node_count}};
-    dispatch(context, commands, GI_GATHER_RECEIVERS, t->receiver_links.block_count * CHIARO_GROUP_SIZE, &receivers);
+    if (bounce) {
+        dispatch(context, commands, GI_GATHER_SAMPLES, t->sample_links.block_count * CHIARO_GROUP_SIZE + t->sky_count,
+                 &bounces);
+        record_tree(context, commands, t->node_count);
+    }
+    ChiaroComputePush receivers = {.range = {0, t->receiver_links.block_count, bounce ? t->node_count : 0}};
+    if (!chiaro_vulkan_without(context, CHIARO_WITHOUT_LINKS))
+        dispatch(context, commands, GI_GATHER_RECEIVERS, t->receiver_links.block_count * CHIARO_GROUP_SIZE, &receivers);
 }
 
 /* ---- update ------------------------------------------------------------------------------------------------------- */
@@ -379,16 +383,16 @@ static void draw_part(ChiaroVulkan *context, VkCommandBuffer commands, const Pip
     push->emission[3] = material->alpha_cutoff;
     push->flags[0] = material->albedo_texture != CHIARO_NONE;
     push->flags[1] = material->emission_texture != CHIARO_NONE;
-    push->flags[2] = push->flags[3] = 0;
+    push->flags[2] = context->settings.without;
+    push->flags[3] = 0;
     vk->CmdPushConstants(commands, pipeline->layout, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, 0,
                          sizeof *push, push);
     vk->CmdDrawIndexed(commands, part->index_count, 1, part->first_index, 0, instance);
 }
 
-static void draw_parts(ChiaroVulkan *context, VkCommandBuffer commands, ChiaroForwardPush *push)
+static void draw_parts(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t lighting, ChiaroForwardPush *push)
 {
     const SceneState *scene = &context->scene;
-    uint32_t lighting = chiaro_forward_lighting(context);
     const Pipeline *bound = NULL;
     VkBuffer vertices[2] = {scene->vertices.buffer, scene->vertex_receivers.buffer};
     VkDeviceSize offsets[2] = {0, 0};
@@ -407,10 +411,9 @@ static void draw_parts(ChiaroVulkan *context, VkCommandBuffer commands, ChiaroFo
     }
 }
 
-static void draw_objects(ChiaroVulkan *context, VkCommandBuffer commands, ChiaroForwardPush *push)
+static void draw_objects(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t lighting, ChiaroForwardPush *push)
 {
     const ObjectsState *objects = &context->objects;
-    uint32_t lighting = chiaro_object_lighting(context);
     VkBuffer vertices[2] = {objects->meshes.vertices.buffer, objects->vertices.buffer};
     VkDeviceSize offsets[2] = {0, 0};
     if (!objects->arena)
@@ -470,8 +473,11 @@ void chiaro_record_draw(ChiaroVulkan *context, const ChiaroVulkanDraw *draw)
     multiply(draw->projection, draw->view, push.view_projection);
     vec3_store(push.eye, eye_of(draw->view));
     push.eye[3] = exposure;
-    draw_parts(context, draw->command_buffer, &push);
-    draw_objects(context, draw->command_buffer, &push);
+    bool direct = draw->direct_only;
+    draw_parts(context, draw->command_buffer,
+               direct ? chiaro_direct_lighting(context) : chiaro_forward_lighting(context), &push);
+    draw_objects(context, draw->command_buffer,
+                 direct ? chiaro_direct_lighting(context) : chiaro_object_lighting(context), &push);
     /* A sky that no update has copied yet is not there yet. */
     if (chiaro_vulkan_background(context) && !context->sky.upload.arena && context->sky_background.pipeline)
         draw_sky(context, draw, exposure);
