@@ -32,6 +32,7 @@ RUNTIME_LIBS := -lm
 BAKE_LIBS := -l$(EMBREE) -lm -lpthread
 IO_LIBS := -ltinygltf -lOpenEXR -lOpenEXRCore -lstdc++ -lm
 VULKAN_LIBS := -lvulkan
+WINDOW_LIBS := -lglfw
 
 # ---- what is built ---------------------------------------------------------------------------------------------------
 objects = $(patsubst %,$(B)/obj/%.o,$(basename $(1)))
@@ -47,6 +48,8 @@ PROGRAMS := $(patsubst samples/%.c,$(B)/bin/%,$(wildcard samples/chiaro-*.c))
 TESTS := $(patsubst tests/test_%.c,$(B)/tests/test_%,$(wildcard tests/test_*.c))
 TEST_COMMON := $(call objects,$(wildcard tests/common/*.c))
 SPIRV := $(patsubst glsl/%.glsl,$(B)/spirv/%.spv,$(wildcard glsl/*.vert.glsl glsl/*.frag.glsl glsl/*.comp.glsl))
+
+SAMPLE_SHADERS := $(patsubst samples/shaders/%.glsl,$(B)/shaders/%.h,$(wildcard samples/shaders/*.vert.glsl samples/shaders/*.frag.glsl))
 
 LIBRARY := $(B)/libchiaro.a
 PLUGIN := $(B)/chiaro_plugin.so
@@ -114,6 +117,14 @@ $(B)/bin/pack-shaders: $(B)/obj/src/tools/pack_shaders.o
 shaders: $(B)/spirv/shaders.h ## compile the shaders
 $(VULKAN): | $(B)/spirv/shaders.h
 
+# Shaders of the programs: the library knows nothing of them.
+$(B)/shaders/%.h: samples/shaders/%.glsl
+	@mkdir -p $(@D)
+	@printf '%s: %s\n' $@ "$$(ls glsl/* samples/shaders/* | tr '\n' ' ')" > $@.d
+	$(GLSLANG) --quiet -V --target-env vulkan1.1 -Iglsl --vn sample_$(subst .,_,$*) -o $@ $<
+
+$(COMMON_SAMPLES): | $(SAMPLE_SHADERS)
+
 $(LIBRARY): $(CORE) $(VULKAN)
 	rm -f $@ && ar rcs $@ $^
 
@@ -132,6 +143,7 @@ $(BAKE_LIBRARY): $(BAKE) $(OFFLINE)
 $(B)/bin/%: $(B)/obj/samples/%.o $(COMMON_SAMPLES) $(REFERENCE) $(IO) $(BAKE_LIBRARY) $(LIBRARY)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS_ALL) -o $@ $^ $(BAKE_LIBS) $(IO_LIBS) $(VULKAN_LIBS)
+$(B)/bin/chiaro-view: VULKAN_LIBS += $(WINDOW_LIBS)
 
 $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_COMMON) $(COMMON_SAMPLES) $(REFERENCE) $(IO) $(BAKE_LIBRARY) $(LIBRARY)
 	@mkdir -p $(@D)
@@ -169,4 +181,4 @@ clean: ## remove everything that was built
 
 .SECONDARY:
 
--include $(shell find $(B)/obj $(B)/spirv -name '*.d' 2>/dev/null)
+-include $(shell find $(B)/obj $(B)/spirv $(B)/shaders -name '*.d' 2>/dev/null)

@@ -10,8 +10,7 @@
 static const VkFormat color_format = VK_FORMAT_R32G32B32A32_SFLOAT;
 static const VkFormat depth_format = VK_FORMAT_D32_SFLOAT;
 
-/* Keeps the first failure's text. */
-static bool check(Host *host, VkResult result, const char *call)
+bool host_check(Host *host, VkResult result, const char *call)
 {
     if (result == VK_SUCCESS)
         return true;
@@ -93,11 +92,11 @@ static bool create_instance(Host *host, const HostDesc *desc)
                                  .ppEnabledLayerNames = &layer,
                                  .enabledExtensionCount = count,
                                  .ppEnabledExtensionNames = extensions};
-    if (!check(host, vkCreateInstance(&info, NULL, &host->instance), "vkCreateInstance") || !validate)
+    if (!host_check(host, vkCreateInstance(&info, NULL, &host->instance), "vkCreateInstance") || !validate)
         return host->instance != VK_NULL_HANDLE;
     PFN_vkCreateDebugUtilsMessengerEXT create =
         (PFN_vkCreateDebugUtilsMessengerEXT)vkGetInstanceProcAddr(host->instance, "vkCreateDebugUtilsMessengerEXT");
-    return create && check(host, create(host->instance, &messenger, NULL, &host->messenger), "the debug messenger");
+    return create && host_check(host, create(host->instance, &messenger, NULL, &host->messenger), "the debug messenger");
 }
 
 /* ---- device ------------------------------------------------------------------------------------------------------- */
@@ -152,7 +151,7 @@ static bool choose_device(Host *host, const char *wish, uint32_t *timestamp_bits
     bool by_number = wish && end != wish && *end == 0;
     VkResult result = vkEnumeratePhysicalDevices(host->instance, &count, devices);
     if (result != VK_SUCCESS && result != VK_INCOMPLETE)
-        return check(host, result, "vkEnumeratePhysicalDevices");
+        return host_check(host, result, "vkEnumeratePhysicalDevices");
     for (uint32_t i = 0; i < count; i++) {
         VkPhysicalDeviceProperties properties;
         uint32_t bits = 0, family = find_queue(host, devices[i], &bits);
@@ -228,7 +227,7 @@ static bool create_device(Host *host, bool render_pass)
                                .pQueueCreateInfos = &queue,
                                .enabledExtensionCount = extension_count,
                                .ppEnabledExtensionNames = extensions};
-    if (!check(host, vkCreateDevice(host->physical_device, &info, NULL, &host->device), "vkCreateDevice"))
+    if (!host_check(host, vkCreateDevice(host->physical_device, &info, NULL, &host->device), "vkCreateDevice"))
         return false;
     vkGetDeviceQueue(host->device, host->queue_family, 0, &host->queue);
     if (!host->dynamic_rendering)
@@ -244,7 +243,7 @@ static bool create_commands(Host *host, uint32_t timestamp_bits)
     VkCommandPoolCreateInfo pool = {.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO,
                                     .flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT,
                                     .queueFamilyIndex = host->queue_family};
-    if (!check(host, vkCreateCommandPool(host->device, &pool, NULL, &host->pool), "vkCreateCommandPool"))
+    if (!host_check(host, vkCreateCommandPool(host->device, &pool, NULL, &host->pool), "vkCreateCommandPool"))
         return false;
     VkCommandBufferAllocateInfo commands = {.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO,
                                             .commandPool = host->pool,
@@ -254,10 +253,10 @@ static bool create_commands(Host *host, uint32_t timestamp_bits)
     VkQueryPoolCreateInfo queries = {.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO,
                                      .queryType = VK_QUERY_TYPE_TIMESTAMP,
                                      .queryCount = HOST_TIMESTAMPS};
-    return check(host, vkAllocateCommandBuffers(host->device, &commands, &host->commands), "vkAllocateCommandBuffers") &&
-           check(host, vkCreateFence(host->device, &fence, NULL, &host->fence), "vkCreateFence") &&
+    return host_check(host, vkAllocateCommandBuffers(host->device, &commands, &host->commands), "vkAllocateCommandBuffers") &&
+           host_check(host, vkCreateFence(host->device, &fence, NULL, &host->fence), "vkCreateFence") &&
            (timestamp_bits == 0 ||
-            check(host, vkCreateQueryPool(host->device, &queries, NULL, &host->timestamps), "vkCreateQueryPool"));
+            host_check(host, vkCreateQueryPool(host->device, &queries, NULL, &host->timestamps), "vkCreateQueryPool"));
 }
 
 bool host_create(Host *host, const HostDesc *desc)
@@ -266,7 +265,7 @@ bool host_create(Host *host, const HostDesc *desc)
     *host = (Host){.reversed_z = desc->reversed_z};
     if (!create_instance(host, desc) ||
         (desc->create_surface &&
-         !check(host, desc->create_surface(host->instance, desc->user, &host->surface), "the window's surface")) ||
+         !host_check(host, desc->create_surface(host->instance, desc->user, &host->surface), "the window's surface")) ||
         !choose_device(host, desc->device, &timestamp_bits))
         return false;
     name_device(host);
@@ -328,7 +327,7 @@ static bool allocate(Host *host, VkMemoryRequirements need, VkMemoryPropertyFlag
             continue;
         VkMemoryAllocateInfo info = {
             .sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, .allocationSize = need.size, .memoryTypeIndex = i};
-        return check(host, vkAllocateMemory(host->device, &info, NULL, memory), "vkAllocateMemory");
+        return host_check(host, vkAllocateMemory(host->device, &info, NULL, memory), "vkAllocateMemory");
     }
     return fail(host, "no fitting type of memory");
 }
@@ -341,13 +340,13 @@ bool host_buffer_create(Host *host, VkDeviceSize size, HostBuffer *buffer)
                                         VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | VK_BUFFER_USAGE_INDEX_BUFFER_BIT};
     VkMemoryRequirements need;
     *buffer = (HostBuffer){.size = size};
-    if (!check(host, vkCreateBuffer(host->device, &info, NULL, &buffer->buffer), "vkCreateBuffer"))
+    if (!host_check(host, vkCreateBuffer(host->device, &info, NULL, &buffer->buffer), "vkCreateBuffer"))
         return false;
     vkGetBufferMemoryRequirements(host->device, buffer->buffer, &need);
     return allocate(host, need, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT,
                     &buffer->memory) &&
-           check(host, vkBindBufferMemory(host->device, buffer->buffer, buffer->memory, 0), "vkBindBufferMemory") &&
-           check(host, vkMapMemory(host->device, buffer->memory, 0, VK_WHOLE_SIZE, 0, &buffer->mapped), "vkMapMemory");
+           host_check(host, vkBindBufferMemory(host->device, buffer->buffer, buffer->memory, 0), "vkBindBufferMemory") &&
+           host_check(host, vkMapMemory(host->device, buffer->memory, 0, VK_WHOLE_SIZE, 0, &buffer->mapped), "vkMapMemory");
 }
 
 void host_buffer_destroy(Host *host, HostBuffer *buffer)
@@ -369,18 +368,18 @@ static bool create_image(Host *host, VkFormat format, VkImageUsageFlags usage, V
                               .samples = VK_SAMPLE_COUNT_1_BIT,
                               .usage = usage};
     VkMemoryRequirements need;
-    if (!check(host, vkCreateImage(host->device, &info, NULL, &image->image), "vkCreateImage"))
+    if (!host_check(host, vkCreateImage(host->device, &info, NULL, &image->image), "vkCreateImage"))
         return false;
     vkGetImageMemoryRequirements(host->device, image->image, &need);
     if (!allocate(host, need, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT, &image->memory) ||
-        !check(host, vkBindImageMemory(host->device, image->image, image->memory, 0), "vkBindImageMemory"))
+        !host_check(host, vkBindImageMemory(host->device, image->image, image->memory, 0), "vkBindImageMemory"))
         return false;
     VkImageViewCreateInfo view = {.sType = VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO,
                                   .image = image->image,
                                   .viewType = VK_IMAGE_VIEW_TYPE_2D,
                                   .format = format,
                                   .subresourceRange = {aspect, 0, 1, 0, 1}};
-    return check(host, vkCreateImageView(host->device, &view, NULL, &image->view), "vkCreateImageView");
+    return host_check(host, vkCreateImageView(host->device, &view, NULL, &image->view), "vkCreateImageView");
 }
 
 /* ---- target ------------------------------------------------------------------------------------------------------- */
@@ -412,7 +411,7 @@ static bool create_render_pass(Host *host)
                                    .pAttachments = attachments,
                                    .subpassCount = 1,
                                    .pSubpasses = &subpass};
-    return check(host, vkCreateRenderPass(host->device, &pass, NULL, &host->render_pass), "vkCreateRenderPass");
+    return host_check(host, vkCreateRenderPass(host->device, &pass, NULL, &host->render_pass), "vkCreateRenderPass");
 }
 
 static bool create_framebuffer(Host *host)
@@ -425,7 +424,7 @@ static bool create_framebuffer(Host *host)
                                            .width = host->width,
                                            .height = host->height,
                                            .layers = 1};
-    return check(host, vkCreateFramebuffer(host->device, &framebuffer, NULL, &host->framebuffer),
+    return host_check(host, vkCreateFramebuffer(host->device, &framebuffer, NULL, &host->framebuffer),
                  "vkCreateFramebuffer");
 }
 
@@ -469,7 +468,7 @@ bool host_begin(Host *host)
     VkCommandBufferBeginInfo begin = {.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO,
                                       .flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT};
     host->frame++;
-    if (!check(host, vkBeginCommandBuffer(host->commands, &begin), "vkBeginCommandBuffer"))
+    if (!host_check(host, vkBeginCommandBuffer(host->commands, &begin), "vkBeginCommandBuffer"))
         return false;
     if (host->timestamps)
         vkCmdResetQueryPool(host->commands, host->timestamps, 0, HOST_TIMESTAMPS);
@@ -489,10 +488,10 @@ bool host_submit(Host *host)
                            .signalSemaphoreCount = signal ? 1 : 0,
                            .pSignalSemaphores = &signal};
     host->wait = host->signal = VK_NULL_HANDLE;
-    return check(host, vkEndCommandBuffer(host->commands), "vkEndCommandBuffer") &&
-           check(host, vkQueueSubmit(host->queue, 1, &submit, host->fence), "vkQueueSubmit") &&
-           check(host, vkWaitForFences(host->device, 1, &host->fence, VK_TRUE, UINT64_MAX), "vkWaitForFences") &&
-           check(host, vkResetFences(host->device, 1, &host->fence), "vkResetFences");
+    return host_check(host, vkEndCommandBuffer(host->commands), "vkEndCommandBuffer") &&
+           host_check(host, vkQueueSubmit(host->queue, 1, &submit, host->fence), "vkQueueSubmit") &&
+           host_check(host, vkWaitForFences(host->device, 1, &host->fence, VK_TRUE, UINT64_MAX), "vkWaitForFences") &&
+           host_check(host, vkResetFences(host->device, 1, &host->fence), "vkResetFences");
 }
 
 void host_timestamp(Host *host, uint32_t index)

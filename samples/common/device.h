@@ -68,6 +68,8 @@ typedef struct Host {
 /* False: `error` says why; the host must be destroyed all the same. */
 bool host_create(Host *host, const HostDesc *desc);
 void host_destroy(Host *host);
+/* True if a Vulkan call succeeded; `error` keeps the first failure. */
+bool host_check(Host *host, VkResult result, const char *call);
 /* Replaces the one before, if any. */
 bool host_target_create(Host *host, uint32_t width, uint32_t height);
 

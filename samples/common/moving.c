@@ -15,8 +15,14 @@
 /* Shadow rays start so many radii above a surface. */
 #define START 1e-3f
 
-/* True if the object is in the way. Poses turn, scale evenly and move. */
-static bool blocks(const ChiaroRays *own, const MovingPose *pose, Vec3 from, Vec3 way, float end)
+/* A ray in an object's own space. Poses turn, scale evenly and move. */
+typedef struct OwnRay {
+    Vec3 start, way;
+    float size; /* of one of its metres, in the world */
+} OwnRay;
+
+/* False: the ray misses the sphere that holds the object. */
+static bool find_own(const MovingPose *pose, Vec3 from, Vec3 way, float end, OwnRay *own)
 {
     const float *m = pose->transform;
     Vec3 line = vec3_sub(pose->center, from);
@@ -26,9 +32,18 @@ static bool blocks(const ChiaroRays *own, const MovingPose *pose, Vec3 from, Vec
         return false;
     Vec3 x = vec3_load(m), y = vec3_load(m + 4), z = vec3_load(m + 8), start = vec3_sub(from, vec3_load(m + 12));
     float size = vec3_length(x), shrink = 1 / vec3_dot(x, x);
-    start = vec3_scale(vec3(vec3_dot(x, start), vec3_dot(y, start), vec3_dot(z, start)), shrink);
-    Vec3 direction = vec3_scale(vec3(vec3_dot(x, way), vec3_dot(y, way), vec3_dot(z, way)), 1 / size);
-    return chiaro_rays_blocked(own, start, direction, 0, end / size);
+    own->start = vec3_scale(vec3(vec3_dot(x, start), vec3_dot(y, start), vec3_dot(z, start)), shrink);
+    own->way = vec3_scale(vec3(vec3_dot(x, way), vec3_dot(y, way), vec3_dot(z, way)), 1 / size);
+    own->size = size;
+    return true;
+}
+
+/* True if the object is in the way. */
+static bool blocks(const ChiaroRays *rays, const MovingPose *pose, Vec3 from, Vec3 way, float end)
+{
+    OwnRay own;
+    return find_own(pose, from, way, end, &own) &&
+           chiaro_rays_blocked(rays, own.start, own.way, 0, end / own.size);
 }
 
 static bool sees_light(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
@@ -226,4 +241,30 @@ void moving_pose(const SceneOptions *options, Moving *moving, double time, float
         must(options, moving->objects.list[i].name,
              chiaro_object_move(moving->world, moving->ids[i], pose->transform));
     }
+}
+
+uint32_t moving_pick(const Moving *moving, Vec3 from, Vec3 way, float *distance)
+{
+    uint32_t nearest = CHIARO_NONE;
+    ChiaroHit hit;
+    OwnRay own;
+    *distance = INFINITY;
+    if (moving->rays && chiaro_rays_hit(moving->rays, from, way, 0, INFINITY, &hit))
+        *distance = hit.distance;
+    for (uint32_t i = 0; i < moving->objects.count; i++) {
+        if (!find_own(&moving->poses[i], from, way, *distance, &own) ||
+            !chiaro_rays_hit(moving->own[i], own.start, own.way, 0, *distance / own.size, &hit))
+            continue;
+        *distance = hit.distance * own.size;
+        nearest = i;
+    }
+    return nearest;
+}
+
+void moving_place(Moving *moving, uint32_t number, Vec3 place)
+{
+    SceneObject *object = &moving->objects.list[number];
+    memcpy(object->transform, moving->poses[number].transform, sizeof object->transform);
+    vec3_store(object->transform + 12, place);
+    object->placed = true;
 }

@@ -49,4 +49,9 @@ ChiaroResult moving_load(Moving *moving, const ChiaroVulkanApi *api, ChiaroVulka
  * that is no place. */
 void moving_pose(const SceneOptions *options, Moving *moving, double time, float radius, float turn);
 
+/* The object that a ray (unit `way`) meets before anything else; CHIARO_NONE: none. `distance`: to what it meets. */
+uint32_t moving_pick(const Moving *moving, Vec3 from, Vec3 way, float *distance);
+/* Puts an object somewhere, for good: it no longer follows its animation. The next moving_pose() moves it. */
+void moving_place(Moving *moving, uint32_t number, Vec3 place);
+
 #endif
