@@ -66,7 +66,8 @@ help: ## this list
 
 # ---- packages --------------------------------------------------------------------------------------------------------
 PACKAGES := gcc g++ make pkg-config glslang-tools libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers \
-  libembree-dev libtbb-dev libtinygltf-dev nlohmann-json3-dev libstb-dev libopenexr-dev libglfw3-dev libcmocka-dev
+  libembree-dev libtbb-dev libtinygltf-dev nlohmann-json3-dev libstb-dev libopenexr-dev libglfw3-dev libcmocka-dev \
+  xvfb libx11-dev libxtst-dev
 MISSING = $(shell for p in $(PACKAGES); do \
   dpkg-query -W -f='$${db:Status-Status}' $$p 2>/dev/null | grep -qx installed || echo $$p; done)
 
@@ -148,6 +149,8 @@ $(B)/bin/chiaro-view: VULKAN_LIBS += $(WINDOW_LIBS)
 $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_COMMON) $(COMMON_SAMPLES) $(REFERENCE) $(IO) $(BAKE_LIBRARY) $(LIBRARY)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS_ALL) -o $@ $^ -lcmocka $(BAKE_LIBS) $(IO_LIBS) $(VULKAN_LIBS)
+
+$(B)/tests/test_view: VULKAN_LIBS += -lstb -lX11 -lXtst
 
 # ---- jobs ------------------------------------------------------------------------------------------------------------
 test: all $(TESTS) ## build and run every test
