@@ -29,7 +29,7 @@ rank()
     core | cube* | surface) echo 1 ;;
     reference*) echo 3 ;;
     bake*) echo 4 ;;
-    vulkan* | image* | render* | embed*) echo 5 ;;
+    vulkan* | image* | render* | embed* | view*) echo 5 ;;
     *) echo 2 ;;
     esac
 }

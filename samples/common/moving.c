@@ -2,6 +2,7 @@
 #include "moving.h"
 
 #include "baked.h"
+#include "picture.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -249,11 +250,11 @@ uint32_t moving_pick(const Moving *moving, Vec3 from, Vec3 way, float *distance)
     ChiaroHit hit;
     OwnRay own;
     *distance = INFINITY;
-    if (moving->rays && chiaro_rays_hit(moving->rays, from, way, 0, INFINITY, &hit))
+    if (moving->rays && picture_hit(moving->rays, from, way, INFINITY, &hit))
         *distance = hit.distance;
     for (uint32_t i = 0; i < moving->objects.count; i++) {
         if (!find_own(&moving->poses[i], from, way, *distance, &own) ||
-            !chiaro_rays_hit(moving->own[i], own.start, own.way, 0, *distance / own.size, &hit))
+            !picture_hit(moving->own[i], own.start, own.way, *distance / own.size, &hit))
             continue;
         *distance = hit.distance * own.size;
         nearest = i;

@@ -2,7 +2,6 @@
 #include "picture.h"
 
 #include "../../src/core/tone.h"
-#include "../../src/offline/rays.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -21,6 +20,17 @@ static void shade(const ChiaroScene *scene, const ChiaroTransport *transport, co
         pixel[c] = albedo[c] / CHIARO_PI * sum;
     }
     pixel[3] = 1;
+}
+
+bool picture_hit(const ChiaroRays *rays, Vec3 origin, Vec3 direction, float end, ChiaroHit *hit)
+{
+    float from = 0;
+    while (chiaro_rays_hit(rays, origin, direction, from, end, hit)) {
+        if (hit->front)
+            return true;
+        from = hit->distance + chiaro_rays_epsilon(rays);
+    }
+    return false;
 }
 
 bool picture_draw(const ChiaroTransport *transport, const ChiaroCamera *camera, uint32_t width, uint32_t height,
@@ -44,12 +54,7 @@ bool picture_draw(const ChiaroTransport *transport, const ChiaroCamera *camera, 
             float t = (1 - 2 * ((float)y + 0.5f) / (float)height) * half;
             Vec3 direction = vec3_normalize(vec3_mad(vec3_mad(forward, right, s), up, t));
             ChiaroHit hit;
-            float from = 0;
-            bool seen;
-            /* Surfaces seen from behind are not drawn. */
-            while ((seen = chiaro_rays_hit(rays, vec3_load(camera->eye), direction, from, INFINITY, &hit)) && !hit.front)
-                from = hit.distance + chiaro_rays_epsilon(rays);
-            if (seen)
+            if (picture_hit(rays, vec3_load(camera->eye), direction, INFINITY, &hit))
                 shade(&drawn, transport, &hit, irradiance, picture->pixels + 4 * ((size_t)y * width + x));
         }
     }

@@ -4,6 +4,10 @@
 #define CHIARO_PICTURE_H
 
 #include "../../src/io/io.h"
+#include "../../src/offline/rays.h"
+
+/* The nearest surface before `end` that is drawn: surfaces that are seen from behind are not. `direction` unit. */
+bool picture_hit(const ChiaroRays *rays, Vec3 origin, Vec3 direction, float end, ChiaroHit *hit);
 
 /* Radiance albedo / pi * irradiance through pixel centres, irradiance interpolated over the drawn mesh.
  * `irradiance`: 3 * receiver_count floats. Allocates picture->pixels (RGBA, alpha 1 at surfaces). False: out of memory. */
