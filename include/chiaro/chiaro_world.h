@@ -30,6 +30,7 @@
 #ifndef CHIARO_CHIARO_WORLD_H
 #define CHIARO_CHIARO_WORLD_H
 
+#include "chiaro_kernel.h"
 #include "chiaro_neighbours.h"
 #include "chiaro_objects.h"
 #include "chiaro_primitives.h"
@@ -115,6 +116,8 @@ typedef struct ChiaroWorldDesc {
     const ChiaroTransport *transport; /**< The static scene, which must outlive the world; NULL: none. */
     ChiaroAllocator allocator;        /**< Default malloc and free. */
     ChiaroLog log;
+    ChiaroClock clock; /**< For budgets in microseconds. Default: none, and they are no limit. Since version 3. */
+    ChiaroJobs jobs;   /**< Neighbour lists are searched by them. Default: none. Since version 3. */
 } ChiaroWorldDesc;
 
 /** Makes a world without objects, dark.
@@ -186,6 +189,29 @@ CHIARO_API bool chiaro_object_state(const ChiaroWorld *world, uint32_t id, Chiar
  * @param painted receives the slots that changed: room for budget + CHIARO_MAX_OBJECT_PARTS; NULL: not wanted.
  * @return how many were painted; 0: all is settled, or the budget was 0. @thread_safety one thread a world. */
 CHIARO_API uint32_t chiaro_world_update(ChiaroWorld *world, uint32_t budget, uint32_t *painted);
+
+/** Where the eye is: what changed most on screen is painted first. Without it, what changed most.
+ * @param eye, forward in the world; NULL: no eye. @errors none. @thread_safety one thread a world.
+ * @lifetime nothing is kept of them. */
+CHIARO_API void chiaro_world_eye(ChiaroWorld *world, const float eye[3], const float forward[3]);
+
+/** A frame's share of work, by the kernel (chiaro_kernel.h): the beginning of a round in slices, then its cubes, most
+ * urgent first. A unit is about a microsecond of a processor of 2020. At most one round ends in a call, so that without
+ * limits it is a whole round. Cubes of one round are due together: n of them with k painted a frame are none of them older
+ * than ceil(n / k) + latency frames, as chiaro_kernel_stats() of chiaro_world_kernel() says.
+ * @param spent microseconds of the budget that are used already.
+ * @param painted receives the slots that changed, `capacity` of them at most, which is CHIARO_MAX_OBJECT_PARTS at least.
+ * @return how many were painted. @errors none. @thread_safety one thread a world. @lifetime nothing is kept. */
+CHIARO_API uint32_t chiaro_world_run(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, uint32_t *painted,
+                                     uint32_t capacity);
+
+/** What has been done, is due, and how old it is. The items of the objects have their numbers.
+ * @errors none. @thread_safety one thread a world. @lifetime that of the world. */
+CHIARO_API const ChiaroKernel *chiaro_world_kernel(const ChiaroWorld *world);
+
+/** True if nothing is due: the next chiaro_world_run() would do nothing. @errors none. @thread_safety one thread a world.
+ * @lifetime nothing is kept. */
+CHIARO_API bool chiaro_world_settled(const ChiaroWorld *world);
 
 /** What a slot shows. */
 typedef struct ChiaroWorldCube {
