@@ -232,6 +232,48 @@ CHIARO_API bool chiaro_world_cube(const ChiaroWorld *world, uint32_t slot, Chiar
 CHIARO_API ChiaroResult chiaro_object_irradiance(const ChiaroWorld *world, uint32_t id, uint32_t vertex,
                                                  float irradiance[3]);
 
+/* ------------------------------------------------------------------------------------------------------------------
+ * Questions
+ */
+
+/** Light anywhere: for particles, billboards, the game itself. A cube is painted about the point, of what the round that
+ * began last sees: the sky, static surfaces, the objects nearest for their size. That takes as long as the cube of an
+ * object does; where many normals are asked about a place, take the cube.
+ * Light that lamps send there straight is not in it: the host's chiaro_light_at() says what that is.
+ * @param point in the world. @param radius m, 0 or more: things nearer than some of it are seen as from a ball of that
+ * size, as a particle cloud is; it also says how fine near surfaces are looked at.
+ * @param normal unit. @param irradiance receives three floats, never negative.
+ * @errors CHIARO_ERROR_ARGUMENT: numbers that are not finite, a normal that is not unit. @thread_safety one thread a world.
+ * @lifetime nothing is kept. */
+CHIARO_API ChiaroResult chiaro_world_irradiance(ChiaroWorld *world, const float point[3], float radius,
+                                                const float normal[3], float irradiance[3]);
+
+/** The cube itself: chiaro_cube_look_up() with chiaro_world_cube_kernel(), times pi, is irradiance; below zero, zero.
+ * @param texels receives 6 * edge * edge times four floats. @errors CHIARO_ERROR_ARGUMENT. @thread_safety one thread a world.
+ * @lifetime nothing is kept. */
+CHIARO_API ChiaroResult chiaro_world_probe(ChiaroWorld *world, const float point[3], float radius, float *texels);
+
+/** The tables of the world's cubes. @errors none. @thread_safety one thread a world. @lifetime that of the world. */
+CHIARO_API const ChiaroCubeKernel *chiaro_world_cube_kernel(const ChiaroWorld *world);
+
+/** How old what is shown is, in calls of chiaro_world_run() or chiaro_world_update(). 0: nothing has changed since. */
+typedef struct ChiaroWorldAges {
+    uint32_t struct_size; /**< sizeof(ChiaroWorldAges), set by the caller. */
+    uint32_t cubes;       /**< The oldest cube of an object. */
+    uint32_t object;      /**< Whose it is; CHIARO_NONE: there is none. */
+    uint32_t round;       /**< The state that the round now painted sees. */
+    uint32_t light;       /**< Static light that was handed over and that no round has taken yet. */
+    uint32_t blockers;    /**< What moved and is not yet in chiaro_world_blockers(). */
+} ChiaroWorldAges;
+
+/** @errors CHIARO_ERROR_ARGUMENT (struct_size). @thread_safety one thread a world. @lifetime nothing is kept. */
+CHIARO_API ChiaroResult chiaro_world_ages(const ChiaroWorld *world, ChiaroWorldAges *ages);
+
+/** How old the light of one object is: calls since the beginning of the round that its cubes show; CHIARO_NONE: it has no
+ * light yet, or there is no such object. 0 once the world has settled.
+ * @errors none but CHIARO_NONE. @thread_safety one thread a world. @lifetime nothing is kept. */
+CHIARO_API uint32_t chiaro_object_age(const ChiaroWorld *world, uint32_t id);
+
 /** The neighbour lists: kind 0 gives light, kind 1 occludes. Indices are the objects' numbers.
  * @thread_safety one thread a world. @lifetime lists until the next chiaro_world_update(). */
 CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *world);

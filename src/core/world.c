@@ -227,13 +227,16 @@ ChiaroResult chiaro_world_light(ChiaroWorld *world, const ChiaroWorldLight *ligh
     if (light->total && (!values_sound(light->direct, world->node_count, light->stride) ||
                          !values_sound(light->total, world->node_count, light->stride)))
         return CHIARO_ERROR_ARGUMENT;
-    ChiaroLight *lights = chiaro_world_alloc(world, light->light_count, sizeof *lights);
-    if (!lights)
-        return CHIARO_ERROR_MEMORY;
+    if (light->light_count > coming->light_capacity) {
+        ChiaroLight *lights = chiaro_world_alloc(world, light->light_count, sizeof *lights);
+        if (!lights)
+            return CHIARO_ERROR_MEMORY;
+        chiaro_world_free(world, coming->lights);
+        coming->lights = lights, coming->light_capacity = light->light_count;
+    }
     if (light->light_count)
-        memcpy(lights, light->lights, light->light_count * sizeof *lights);
-    chiaro_world_free(world, coming->lights);
-    coming->lights = lights, coming->light_count = light->light_count;
+        memcpy(coming->lights, light->lights, light->light_count * sizeof *coming->lights);
+    coming->light_count = light->light_count;
     coming->visible = light->visible, coming->user = light->user;
     coming->lit = light->total && world->node_count;
     for (uint32_t n = 0; coming->lit && n < world->node_count; n++) {
@@ -243,6 +246,8 @@ ChiaroResult chiaro_world_light(ChiaroWorld *world, const ChiaroWorldLight *ligh
             coming->ambient[3 * (size_t)n + c] = fmaxf(0, total - light->direct[(size_t)n * light->stride + c]);
         }
     }
+    if (!world->light_comes)
+        world->light_came = world->updates;
     world->light_comes = true;
     chiaro_world_stir(world, false);
     return CHIARO_OK;

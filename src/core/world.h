@@ -51,7 +51,7 @@ typedef struct Body {
 /* Light on the static scene. Three floats a node. */
 typedef struct StaticLight {
     ChiaroLight *lights;
-    uint32_t light_count;
+    uint32_t light_count, light_capacity;
     ChiaroVisibleFunc visible;
     void *user;
     float *total, *ambient; /* all light that the node gives off; of it what did not come straight from lamps */
@@ -126,6 +126,7 @@ struct ChiaroWorld {
     bool light_comes;
 
     bool changed, shown_stale;
+    uint64_t light_came, blockers_stale; /* calls when these became so */
     uint64_t updates, round_began; /* chiaro_world_run() calls so far; the one in which the round began */
     ChiaroKernel *kernel_of_rounds; /* items: bodies, then WORLD_TASKS */
     void *kernel_memory;

@@ -25,6 +25,8 @@ static const float BY_MOVING = 0.5f;
 void chiaro_world_stir(ChiaroWorld *world, bool blockers)
 {
     world->changed = true;
+    if (blockers && !world->shown_stale)
+        world->blockers_stale = world->updates;
     world->shown_stale = world->shown_stale || blockers;
 }
 
@@ -234,6 +236,8 @@ static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t *painted)
     publish(world, body);
     for (uint32_t p = 0; painted && p < body->object.part_count; p++)
         painted[p] = body->first_slot + p;
+    if (!world->shown_stale)
+        world->blockers_stale = world->updates;
     world->shown_stale = true;
     return body->object.part_count;
 }
