@@ -2,6 +2,8 @@
  * objects (CHIARO_OBJECT), whose bounce light comes from their cubes. */
 #ifdef CHIARO_OBJECT
 #define CHIARO_OBJECT_SET 3
+#elif defined(CHIARO_GI)
+#define CHIARO_INDIRECT_SET 1
 #endif
 #include "chiaro.glsl"
 
@@ -21,7 +23,6 @@ layout(location = 7) in uvec4 parts;
 layout(location = 8) in vec4 weights;
 #elif defined(CHIARO_GI)
 layout(location = 5) in uint receiver;
-layout(std430, set = 1, binding = 0) readonly buffer Irradiance { vec4 irradiance[]; };
 #endif
 
 layout(location = 0) out vec3 v_offset; /* from the eye */
@@ -44,9 +45,9 @@ void main()
     v_color = color;
     v_uv = vec4(uv, emission_uv);
 #if defined(CHIARO_OBJECT) && defined(CHIARO_GI)
-    v_irradiance = chiaro_object_irradiance(object, cavity, bent, parts, weights);
+    v_irradiance = chiaro_indirect(gl_InstanceIndex, cavity, bent, parts, weights);
 #elif defined(CHIARO_GI)
-    v_irradiance = irradiance[receiver].rgb;
+    v_irradiance = chiaro_indirect(receiver);
 #else
     v_irradiance = vec3(0);
 #endif

@@ -173,6 +173,10 @@ CHIARO_API ChiaroResult chiaro_object_move(ChiaroWorld *world, uint32_t id, cons
  * @errors CHIARO_ERROR_ARGUMENT: no such object. @thread_safety one thread a world. */
 CHIARO_API ChiaroResult chiaro_object_remove(ChiaroWorld *world, uint32_t id);
 
+/** Rises whenever an object is added, moved or removed. @errors none. @thread_safety one thread a world.
+ * @lifetime nothing is kept. */
+CHIARO_API uint64_t chiaro_world_moves(const ChiaroWorld *world);
+
 /** A placed object. */
 typedef struct ChiaroObjectState {
     const ChiaroObject *object;

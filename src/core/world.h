@@ -127,7 +127,7 @@ struct ChiaroWorld {
 
     bool changed, shown_stale;
     uint64_t light_came, blockers_stale; /* calls when these became so */
-    uint64_t updates, round_began; /* chiaro_world_run() calls so far; the one in which the round began */
+    uint64_t moves, updates, round_began; /* chiaro_world_run() calls so far; the one in which the round began */
     ChiaroKernel *kernel_of_rounds; /* items: bodies, then WORLD_TASKS */
     void *kernel_memory;
     uint32_t rounds_left, stage, cursor, tick; /* of the round: ROUND_, next body, tick of the lists */

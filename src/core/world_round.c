@@ -25,6 +25,7 @@ static const float BY_MOVING = 0.5f;
 void chiaro_world_stir(ChiaroWorld *world, bool blockers)
 {
     world->changed = true;
+    world->moves += blockers;
     if (blockers && !world->shown_stale)
         world->blockers_stale = world->updates;
     world->shown_stale = world->shown_stale || blockers;
@@ -283,7 +284,7 @@ uint32_t chiaro_world_update(ChiaroWorld *world, uint32_t budget, uint32_t *pain
 {
     uint32_t count = 0;
     world->updates++;
-    if (budget && !chiaro_world_settled(world))
+    if (budget)
         count = work(world, (ChiaroBudget){0}, 0, budget, painted, UINT32_MAX);
     if (world->shown_stale)
         chiaro_blockers_build(world, &world->shown, true);
@@ -295,5 +296,7 @@ bool chiaro_world_settled(const ChiaroWorld *world)
 {
     return world->stage == ROUND_NONE && !world->changed && world->rounds_left == 0;
 }
+
+uint64_t chiaro_world_moves(const ChiaroWorld *world) { return world->moves; }
 
 const ChiaroKernel *chiaro_world_kernel(const ChiaroWorld *world) { return world->kernel_of_rounds; }
