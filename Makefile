@@ -44,6 +44,7 @@ REFERENCE := $(call objects,$(wildcard src/reference/*.c))
 IO := $(call objects,$(wildcard src/io/*.c src/io/*.cpp))
 COMMON_SAMPLES := $(call objects,$(wildcard samples/common/*.c))
 PROGRAMS := $(patsubst samples/%.c,$(B)/bin/%,$(wildcard samples/chiaro-*.c))
+EMBEDS := $(patsubst samples/%.c,$(B)/bin/%,$(wildcard samples/embed_*.c))
 TESTS := $(patsubst tests/test_%.c,$(B)/tests/test_%,$(wildcard tests/test_*.c))
 TEST_COMMON := $(call objects,$(wildcard tests/common/*.c))
 SPIRV := $(patsubst glsl/%.glsl,$(B)/spirv/%.spv,$(wildcard glsl/*.vert.glsl glsl/*.frag.glsl glsl/*.comp.glsl))
@@ -54,7 +55,7 @@ SHARED := $(B)/libchiaro.so.$(VERSION)
 BAKE_LIBRARY := $(B)/libchiaro_bake.a
 
 .PHONY: all help deps test bench demo install clean shaders
-all: $(LIBRARY) $(SHARED) $(PLUGIN) $(BAKE_LIBRARY) $(PROGRAMS)
+all: $(LIBRARY) $(SHARED) $(PLUGIN) $(BAKE_LIBRARY) $(PROGRAMS) $(EMBEDS)
 
 help: ## this list
 	@echo 'make            build the library and the programs (config=release|debug|sanitize)'
@@ -132,6 +133,12 @@ $(BAKE_LIBRARY): $(BAKE) $(OFFLINE)
 $(B)/bin/%: $(B)/obj/samples/%.o $(COMMON_SAMPLES) $(REFERENCE) $(IO) $(BAKE_LIBRARY) $(LIBRARY)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS_ALL) -o $@ $^ $(BAKE_LIBS) $(IO_LIBS) $(VULKAN_LIBS)
+
+# Hosts that load the plugin link nothing of Chiaro: only what an engine has anyhow.
+EMBED_OBJECTS := $(call objects,samples/common/device.c src/io/file.c src/io/png.c)
+$(EMBEDS): $(B)/bin/%: $(B)/obj/samples/%.o $(EMBED_OBJECTS)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS_ALL) -o $@ $^ -ldl -lpthread -lm $(VULKAN_LIBS)
 
 $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_COMMON) $(COMMON_SAMPLES) $(REFERENCE) $(IO) $(BAKE_LIBRARY) $(LIBRARY)
 	@mkdir -p $(@D)
