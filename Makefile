@@ -144,6 +144,9 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_COMMON) $(COMMON_SAMPLES) $(REFERENCE) $
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS_ALL) -o $@ $^ -lcmocka $(BAKE_LIBS) $(IO_LIBS) $(VULKAN_LIBS)
 
+$(B)/tests/test_old_host: $(B)/obj/tests/abi/new_host.o
+$(addprefix $(B)/tests/test_,plugin old_host): | $(PLUGIN)
+
 # ---- jobs ------------------------------------------------------------------------------------------------------------
 test: all $(TESTS) ## build and run every test
 	@tests/run.sh $(B)

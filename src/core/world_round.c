@@ -184,10 +184,12 @@ static void begin_slice(ChiaroWorld *world, uint32_t units)
     bool ticked = world->stage == ROUND_LISTS;
     if (ticked)
         chiaro_neighbours_end_tick(world->neighbours);
-    if (world->stage == ROUND_BLOCKERS)
-        begin_painting(world);
+    if (world->stage == ROUND_OBJECTS || (ticked && ++world->tick < WORLD_TICKS_A_ROUND))
+        enter_stage(world, ROUND_LISTS);
+    else if (ticked && world->root_count) /* they act on static surfaces only */
+        enter_stage(world, ROUND_BLOCKERS);
     else
-        enter_stage(world, !ticked || ++world->tick < WORLD_TICKS_A_ROUND ? ROUND_LISTS : ROUND_BLOCKERS);
+        begin_painting(world);
 }
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -275,8 +277,6 @@ static uint32_t work(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, ui
 uint32_t chiaro_world_run(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, uint32_t *painted, uint32_t capacity)
 {
     world->updates++;
-    if (chiaro_world_settled(world))
-        return 0;
     return work(world, budget, spent, UINT32_MAX, painted, capacity);
 }
 

@@ -206,7 +206,6 @@ void chiaro_bounce_record(ChiaroVulkan *context, VkCommandBuffer commands, const
 {
     BounceState *state = &context->bounce;
     uint32_t limit = info->gpu_units, units;
-    state->units = 0;
     if (state->stage == STAGE_IDLE && context->gi_changed)
         begin_pass(context, limit);
     chiaro_kernel_begin(state->kernel, (ChiaroBudget){.units = limit}, 0);

@@ -248,7 +248,7 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands, const
     bool lit = chiaro_vulkan_lights(context) > 0, gi = chiaro_vulkan_gi(context);
     bool lights = lit && context->lights.changed, leaves = gi && context->sky.changed;
     bool bounce = gi && (context->gi_changed || chiaro_bounce_busy(context));
-    context->dispatches = context->shadow_passes = 0;
+    context->dispatches = context->shadow_passes = context->bounce.units = 0;
     if (context->sky.upload.arena)
         fill_sky_image(context, commands);
     if (lights || leaves || bounce) {
