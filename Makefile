@@ -45,6 +45,7 @@ REFERENCE := $(call objects,$(wildcard src/reference/*.c))
 IO := $(call objects,$(wildcard src/io/*.c src/io/*.cpp))
 COMMON_SAMPLES := $(call objects,$(wildcard samples/common/*.c))
 PROGRAMS := $(patsubst samples/%.c,$(B)/bin/%,$(wildcard samples/chiaro-*.c))
+EMBEDS := $(patsubst samples/%.c,$(B)/bin/%,$(wildcard samples/embed_*.c))
 TESTS := $(patsubst tests/test_%.c,$(B)/tests/test_%,$(wildcard tests/test_*.c))
 TEST_COMMON := $(call objects,$(wildcard tests/common/*.c))
 SPIRV := $(patsubst glsl/%.glsl,$(B)/spirv/%.spv,$(wildcard glsl/*.vert.glsl glsl/*.frag.glsl glsl/*.comp.glsl))
@@ -57,7 +58,7 @@ SHARED := $(B)/libchiaro.so.$(VERSION)
 BAKE_LIBRARY := $(B)/libchiaro_bake.a
 
 .PHONY: all help deps test bench demo install clean shaders
-all: $(LIBRARY) $(SHARED) $(PLUGIN) $(BAKE_LIBRARY) $(PROGRAMS)
+all: $(LIBRARY) $(SHARED) $(PLUGIN) $(BAKE_LIBRARY) $(PROGRAMS) $(EMBEDS)
 
 help: ## this list
 	@echo 'make            build the library and the programs (config=release|debug|sanitize)'
@@ -146,11 +147,19 @@ $(B)/bin/%: $(B)/obj/samples/%.o $(COMMON_SAMPLES) $(REFERENCE) $(IO) $(BAKE_LIB
 	$(CC) $(LDFLAGS_ALL) -o $@ $^ $(BAKE_LIBS) $(IO_LIBS) $(VULKAN_LIBS)
 $(B)/bin/chiaro-view: VULKAN_LIBS += $(WINDOW_LIBS)
 
+# Hosts that load the plugin link nothing of Chiaro: only what an engine has anyhow.
+EMBED_OBJECTS := $(call objects,samples/common/device.c src/io/file.c src/io/png.c)
+$(EMBEDS): $(B)/bin/%: $(B)/obj/samples/%.o $(EMBED_OBJECTS)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS_ALL) -o $@ $^ -ldl -lpthread -lm $(VULKAN_LIBS)
+
 $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_COMMON) $(COMMON_SAMPLES) $(REFERENCE) $(IO) $(BAKE_LIBRARY) $(LIBRARY)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS_ALL) -o $@ $^ -lcmocka $(BAKE_LIBS) $(IO_LIBS) $(VULKAN_LIBS)
 
 $(B)/tests/test_view: VULKAN_LIBS += -lstb -lX11 -lXtst
+$(B)/tests/test_old_host: $(B)/obj/tests/abi/new_host.o
+$(addprefix $(B)/tests/test_,plugin old_host): | $(PLUGIN)
 
 # ---- jobs ------------------------------------------------------------------------------------------------------------
 test: all $(TESTS) ## build and run every test

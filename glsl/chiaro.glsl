@@ -1,9 +1,15 @@
 /* Chiaro for shaders: lights, their shadows, environment cubes, and the tone curve. Public: a host's own shaders may
  * include it.
  *
- * Define CHIARO_LIGHT_SET as the number of the descriptor set of lights before including it to get the lights, and
- * CHIARO_OBJECT_SET as that of objects to get objects and their cubes; without them only arithmetic is declared. Needs
- * GL_GOOGLE_include_directive.
+ * Before including it, define the numbers of those sets that the shader wants (ChiaroVulkanLayouts): CHIARO_INDIRECT_SET
+ * for static light, CHIARO_OBJECT_SET for objects and their cubes, CHIARO_LIGHT_SET for Chiaro's lights and shadow maps.
+ * Without them only arithmetic is declared. Needs GL_GOOGLE_include_directive.
+ *
+ * A host with shaders of its own adds to what its lights send straight (radiance = albedo * irradiance / pi):
+ *
+ *   static vertex   chiaro_indirect(receiver), the receiver from ChiaroTransport.vertex_receivers
+ *   static pixel    chiaro_indirect(what came from the vertices, point, normal): what objects do to it
+ *   object vertex   chiaro_indirect(id, cavity, bent, parts, weights), all from ChiaroObjectVertex
  */
 #ifndef CHIARO_GLSL
 #define CHIARO_GLSL
@@ -63,6 +69,23 @@ float chiaro_point_form(vec3 normal, float s, vec3 toward, float d)
     return max(0, angle) / (4 * edge * edge);
 }
 
+#ifdef CHIARO_INDIRECT_SET
+
+layout(std430, set = CHIARO_INDIRECT_SET, binding = 0) readonly buffer ChiaroIndirect
+{
+    vec4 chiaro_irradiance[];
+};
+
+/* Indirect irradiance of a static vertex, to be interpolated over its triangle. */
+vec3 chiaro_indirect(uint receiver)
+{
+    return chiaro_irradiance[receiver].rgb;
+}
+
+#endif
+
+/* A host with shadows of its own defines CHIARO_SAMPLE_SHADOW(number, point, normal) in its shader for the samples
+ * (samples.glsl): the share of light `number` that reaches a point. Chiaro's shadow maps are not there then. */
 #ifdef CHIARO_LIGHT_SET
 
 layout(std430, set = CHIARO_LIGHT_SET, binding = 0) readonly buffer ChiaroLights
@@ -70,6 +93,10 @@ layout(std430, set = CHIARO_LIGHT_SET, binding = 0) readonly buffer ChiaroLights
     uvec4 chiaro_light_count; /* punctual; with the sun of the sky, which follows them; unused */
     ChiaroGpuLight chiaro_lights[];
 };
+
+#ifndef CHIARO_SAMPLE_SHADOW
+#define CHIARO_SAMPLE_SHADOW(number, point, normal) chiaro_shadow_quick(chiaro_lights[number], point, normal)
+
 layout(set = CHIARO_LIGHT_SET, binding = 1) uniform sampler2DArray chiaro_face_shadows;
 layout(set = CHIARO_LIGHT_SET, binding = 2) uniform sampler2DArray chiaro_wide_shadows;
 
@@ -276,6 +303,8 @@ vec3 chiaro_sky_sun_irradiance(vec3 point, vec3 normal, vec3 geometric)
     return faces ? sun.intensity.rgb * (cosine * chiaro_disc_shadow(sun, point, geometric)) : vec3(0);
 }
 
+#endif
+
 /* Irradiance of one moved-back point (ChiaroPoint): cull plane, shadow, disc law. */
 vec3 chiaro_point_irradiance(vec3 position, float cull, vec3 normal)
 {
@@ -293,7 +322,7 @@ vec3 chiaro_point_irradiance(vec3 position, float cull, vec3 normal)
                 form *= chiaro_light_window(light, line / d, d);
         }
         if (form > 0)
-            sum += light.intensity.rgb * (form * chiaro_shadow_quick(light, point, normal));
+            sum += light.intensity.rgb * (form * CHIARO_SAMPLE_SHADOW(i, point, normal));
     }
     return sum;
 }
@@ -556,6 +585,20 @@ float chiaro_blocked(vec3 point, vec3 normal, out vec3 bounce)
         emitted += form * chiaro_blockers[blocker].emission;
     }
     return open * chiaro_take_object(sum, given, emitted, bounce);
+}
+
+/* Indirect irradiance of a vertex of an object: its number in the world, and what its bake says. */
+vec3 chiaro_indirect(uint id, vec3 cavity, vec3 bent, uvec4 parts, vec4 weights)
+{
+    return chiaro_object_irradiance(chiaro_objects[id], cavity, bent, parts, weights);
+}
+
+/* What objects leave of the indirect irradiance of a static pixel, and add to it. */
+vec3 chiaro_indirect(vec3 irradiance, vec3 point, vec3 normal)
+{
+    vec3 bounce;
+    float open = chiaro_blocked(point, normal, bounce);
+    return open * irradiance + bounce;
 }
 
 #endif

@@ -136,8 +136,9 @@ CHIARO_STRUCT(ChiaroSkyPush)
 /* Push constants of the compute passes. */
 CHIARO_STRUCT(ChiaroComputePush)
 {
-    CHIARO_UVEC4(range); /* first and number of things to do, first value of the half that is read, and of that written */
-    CHIARO_UVEC4(more);  /* number of samples, number of leaves; unused */
+    CHIARO_UVEC4(range); /* first thing to do and the end of all, first value of the half that is read, and of that written;
+                            blending: steps that are left, this one included */
+    CHIARO_UVEC4(more);  /* number of samples, number of leaves, 1: irradiance is one that comes; unused */
 };
 
 /* ChiaroBlock as the passes see it. */

@@ -57,9 +57,7 @@ void main()
     if (component != CHIARO_GPU_PUNCTUAL) {
         vec3 ambient = max(v_irradiance, vec3(0));
 #ifdef CHIARO_BLOCKED
-        vec3 bounce;
-        ambient *= chiaro_blocked(push.eye.xyz + v_offset, normalize(v_normal), bounce);
-        ambient += bounce;
+        ambient = chiaro_indirect(ambient, push.eye.xyz + v_offset, normalize(v_normal));
 #endif
         received += ambient;
     }

@@ -2,6 +2,8 @@
  * objects (CHIARO_OBJECT), whose bounce light comes from their cubes. */
 #ifdef CHIARO_OBJECT
 #define CHIARO_OBJECT_SET 3
+#elif defined(CHIARO_GI)
+#define CHIARO_INDIRECT_SET 1
 #endif
 #include "chiaro.glsl"
 
@@ -21,7 +23,6 @@ layout(location = 7) in uvec4 parts;
 layout(location = 8) in vec4 weights;
 #elif defined(CHIARO_GI)
 layout(location = 5) in uint receiver;
-layout(std430, set = 1, binding = 0) readonly buffer Irradiance { vec4 irradiance[]; };
 #endif
 
 layout(location = 0) out vec3 v_offset; /* from the eye */
@@ -46,9 +47,9 @@ void main()
 #if defined(CHIARO_OBJECT) && defined(CHIARO_GI)
     vec3 shade = (push.flags.z & CHIARO_GPU_WITHOUT_CAVITY) != 0 ? vec3(1) : cavity;
     vec3 way = (push.flags.z & CHIARO_GPU_WITHOUT_BENT_NORMALS) != 0 ? normal : bent;
-    v_irradiance = chiaro_object_irradiance(object, shade, way, parts, weights);
+    v_irradiance = chiaro_indirect(gl_InstanceIndex, shade, way, parts, weights);
 #elif defined(CHIARO_GI)
-    v_irradiance = irradiance[receiver].rgb;
+    v_irradiance = chiaro_indirect(receiver);
 #else
     v_irradiance = vec3(0);
 #endif

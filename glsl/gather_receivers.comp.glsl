@@ -12,5 +12,8 @@ void main()
     ChiaroGpuBlock block = receiver_blocks[push.range.x + gl_WorkGroupID.x];
     chiaro_gather_patterns(block, push.range.z);
     for (uint row = gl_LocalInvocationIndex; row < block.rows.y; row += CHIARO_GROUP_SIZE)
-        irradiance[block.rows.x + row] = vec4(chiaro_gather_row(block, row), 0);
+        if (push.more.z == 1)
+            coming[block.rows.x + row] = vec4(chiaro_gather_row(block, row), 0);
+        else
+            irradiance[block.rows.x + row] = vec4(chiaro_gather_row(block, row), 0);
 }

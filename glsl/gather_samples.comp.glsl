@@ -10,14 +10,14 @@
 
 void main()
 {
-    uint group = gl_WorkGroupID.x, lane = gl_LocalInvocationIndex, source = push.range.z, target = push.range.w;
+    uint group = push.range.x + gl_WorkGroupID.x, lane = gl_LocalInvocationIndex, source = push.range.z, target = push.range.w;
     if (group >= push.range.y) {
         uint leaf = push.more.x + (group - push.range.y) * CHIARO_GROUP_SIZE + lane;
         if (leaf < push.more.y)
             values[target + leaf] = values[source + leaf];
         return;
     }
-    ChiaroGpuBlock block = sample_blocks[push.range.x + group];
+    ChiaroGpuBlock block = sample_blocks[group];
     chiaro_gather_patterns(block, source);
     for (uint row = lane; row < block.rows.y; row += CHIARO_GROUP_SIZE) {
         uint s = block.rows.x + row;

@@ -16,4 +16,6 @@ layout(std430, set = 0, binding = 7) readonly buffer SampleWeights { float sampl
 layout(std430, set = 0, binding = 8) readonly buffer ReceiverBlocks { ChiaroGpuBlock receiver_blocks[]; };
 layout(std430, set = 0, binding = 9) readonly buffer ReceiverNodes { uint receiver_nodes[]; };
 layout(std430, set = 0, binding = 10) readonly buffer ReceiverWeights { float receiver_weights[]; };
-layout(std430, set = 0, binding = 11) writeonly buffer Irradiance { vec4 irradiance[]; };
+layout(std430, set = 0, binding = 11) buffer Irradiance { vec4 irradiance[]; };
+/* Where passes are sliced: what the shown irradiance goes over to. Otherwise the same buffer, and not written. */
+layout(std430, set = 0, binding = 12) buffer Coming { vec4 coming[]; };

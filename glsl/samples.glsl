@@ -1,5 +1,13 @@
 /* Direct light on every sample: emission + albedo * irradiance. Twin of chiaro_samples_light.
- * Compiled with lights (samples_lit) and without (samples_dark: emitters only). */
+ * Compiled with lights (samples_lit) and without (samples_dark: emitters only).
+ *
+ * A host that has shadow maps of its own compiles it once more (ChiaroVulkanDesc.sample_code): its shader declares what it
+ * needs in set 2, a function that says which share of a light reaches a point, and then
+ *
+ *     #define CHIARO_SAMPLE_SHADOW(number, point, normal) my_shadow(number, point, normal)
+ *     #define CHIARO_LIT
+ *     #include "samples.glsl"
+ */
 #ifdef CHIARO_LIT
 #define CHIARO_LIGHT_SET 1
 #endif
@@ -8,7 +16,7 @@
 
 void main()
 {
-    uint id = gl_GlobalInvocationID.x;
+    uint id = push.range.x + gl_GlobalInvocationID.x;
     if (id >= push.range.y)
         return;
     ChiaroGpuSample s = samples[id];

@@ -7,9 +7,9 @@
 
 void main()
 {
-    if (gl_GlobalInvocationID.x >= push.range.y)
-        return;
     uint node = push.range.x + gl_GlobalInvocationID.x;
+    if (node >= push.range.y)
+        return;
     uvec2 source = sources[node];
     uint first = push.range.z + source.x;
     vec3 sum = vec3(0);

@@ -7,7 +7,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 enum { WARM_UP_FRAMES = 2, MAX_FRAMES = 100000, FRAMES_A_TURN = 60, FEATURES = 32 };
 
@@ -56,13 +55,6 @@ typedef struct Run {
     uint64_t cubes_painted;  /* in the frames that are timed */
     uint32_t settle_frames; /* before them */
 } Run;
-
-static double now(void)
-{
-    struct timespec time;
-    clock_gettime(CLOCK_MONOTONIC, &time);
-    return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
-}
 
 /* ---- options ------------------------------------------------------------------------------------------------------ */
 
@@ -171,7 +163,7 @@ static void settle(const Job *job, Run *run)
 static void render_frame(const Job *job, Run *run, bool last, double *frame_ms, double *update_ms)
 {
     Host *host = &run->host;
-    double start = now();
+    uint64_t start = host_clock(NULL);
     loaded_check_host(&job->options, &run->host, host_begin(host));
     host_timestamp(host, 0);
     record_update(job, run);
@@ -181,7 +173,7 @@ static void render_frame(const Job *job, Run *run, bool last, double *frame_ms, 
     loaded_check(&job->options, run->api->draw(run->chiaro, &run->draw));
     host_end_pass(host);
     loaded_check_host(&job->options, &run->host, host_submit(host));
-    *frame_ms = 1e3 * (now() - start);
+    *frame_ms = 1e-6 * (double)(host_clock(NULL) - start);
     *update_ms = 1e3 * host_elapsed(host, 0, 1);
     if (last) {
         loaded_check_host(&job->options, &run->host, host_begin(host));

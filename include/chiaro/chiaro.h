@@ -94,6 +94,19 @@ typedef struct ChiaroAllocator {
     void *user;
 } ChiaroAllocator;
 
+/** Where work may run beside other work. `parallel_for` NULL: it runs in the thread that calls the library. */
+typedef struct ChiaroJobs {
+    /** Calls work(index, data) once for every index below count, in any order, on any threads; returns when all are done. */
+    void (*parallel_for)(uint32_t count, void (*work)(uint32_t index, void *data), void *data, void *user);
+    void *user;
+} ChiaroJobs;
+
+/** The host's clock. `now` NULL: there is none. */
+typedef struct ChiaroClock {
+    uint64_t (*now)(void *user); /**< Nanoseconds since anything, never falling. */
+    void *user;
+} ChiaroClock;
+
 /** Returns CHIARO_VERSION of the library that is running. @thread_safety any thread. */
 CHIARO_API uint32_t chiaro_version(void);
 

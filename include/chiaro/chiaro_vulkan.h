@@ -37,14 +37,17 @@
 
 #include <vulkan/vulkan.h>
 
-#include "chiaro_world.h"
+#include "chiaro_core.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 /** Version of the table. It grows at its end only; a library serves every version up to its own. */
-#define CHIARO_VULKAN_API_VERSION 2u
+#define CHIARO_VULKAN_API_VERSION 3u
+
+/** What a host that loads build/chiaro_plugin.so asks dlsym() for; its type is ChiaroVulkanGetApi. */
+#define CHIARO_VULKAN_SYMBOL "chiaro_vulkan_get_api"
 
 #define CHIARO_MAX_LIGHTS 64u /**< Lights of non-zero intensity at a time. */
 #define CHIARO_REASON_SIZE 64u
@@ -77,6 +80,17 @@ typedef struct ChiaroVulkanDesc {
     uint32_t reserved1;
     ChiaroAllocator allocator;       /**< Default malloc and free. */
     ChiaroLog log;
+
+    /* Since version 3. */
+    ChiaroClock clock;               /**< For times in statistics. Default: none. */
+    uint32_t light_only;             /**< 1: *light for me*: the host draws; no pipelines and no meshes to draw exist,
+                                      * draw() is refused, and formats and render pass do not count. */
+    uint32_t sliced;                 /**< 1: updates may have a limit for the device (gpu_units): costs a second buffer of
+                                      * irradiance. */
+    const uint32_t *sample_code;     /**< With light_only: the host's own shader for direct light at the samples, SPIR-V, see
+                                      * glsl/samples.glsl. Chiaro has no shadow maps then. Needed during create() only. */
+    uint64_t sample_code_size;       /**< Bytes. */
+    VkDescriptorSetLayout shadow_layout; /**< Set 2 of that shader; default: it has none. */
 } ChiaroVulkanDesc;
 
 /** Ideas that can be taken out and put back while everything runs, to see what each one does: bits of
@@ -105,10 +119,10 @@ typedef struct ChiaroVulkanSettings {
     uint32_t tone_map;    /**< 1: exposure and filmic curve; colour is then display-linear 0 .. 1. */
     float exposure;       /**< Stops, -64 .. 64; used by the tone map only. */
     uint32_t reserved;
+
+    /* Since version 3. */
     uint32_t without;     /**< Bits of ChiaroVulkanWithout. */
-    uint32_t cubes;       /**< Repainted in an update, at most; 0: as ChiaroVulkanObjects says. */
     uint32_t direct_too;  /**< 1: pipelines for ChiaroVulkanDraw::direct_only are kept ready. */
-    uint32_t reserved1;
 } ChiaroVulkanSettings;
 
 typedef struct ChiaroVulkanLoad {
@@ -125,6 +139,14 @@ typedef struct ChiaroVulkanUpdate {
     VkCommandBuffer command_buffer; /**< Recording, outside a render pass. */
     uint64_t frame;                 /**< The frame that is recorded; never falls. */
     uint64_t completed_frame;       /**< The last frame that the device has finished; 0: none yet. */
+
+    /* Since version 3. */
+    ChiaroBudget budget;            /**< For the world of objects (chiaro_world_run); zero: ChiaroVulkanObjects.cubes cubes. */
+    uint32_t gpu_units;             /**< Limit of the bounce light's compute passes: thousands of multiply-adds, on average.
+                                     * Needs `sliced`. 0: a whole pass at once. */
+    uint32_t has_eye;               /**< 1: eye and forward are set: what is seen comes first. */
+    float eye[3], forward[3];       /**< In the world; forward unit. */
+    VkDescriptorSet shadow_set;     /**< Set 2 of sample_code. Must stay as it is while the command buffer runs. */
 } ChiaroVulkanUpdate;
 
 typedef struct ChiaroVulkanDraw {
@@ -135,6 +157,8 @@ typedef struct ChiaroVulkanDraw {
     float projection[16];           /**< View to clip, perspective. */
     VkViewport viewport;
     VkRect2D scissor;
+
+    /* Since version 3. */
     uint32_t direct_only; /**< 1: without bounce light, as if it were off. Needs ChiaroVulkanSettings::direct_too. */
     uint32_t reserved1;
 } ChiaroVulkanDraw;
@@ -143,7 +167,7 @@ typedef struct ChiaroVulkanDraw {
 typedef struct ChiaroVulkanFeature {
     char name[CHIARO_NAME_SIZE];
     uint32_t used;                   /**< 1: used; 0: left out. */
-    uint32_t reserved;
+    uint32_t microseconds;           /**< Of the host's thread, in the last update(); 0 without a clock. */
     uint64_t bytes;                  /**< Device memory that exists for it. */
     char reason[CHIARO_REASON_SIZE]; /**< Why. */
 } ChiaroVulkanFeature;
@@ -156,7 +180,34 @@ typedef struct ChiaroVulkanStats {
     uint32_t dispatches;    /**< Recorded by the last update(). */
     uint32_t shadow_passes; /**< Recorded by the last update(). */
     uint64_t updates;       /**< update() calls that recorded something. */
+
+    /* Since version 3. */
+    uint32_t tasks;         /**< Slices of work that the last update() did or recorded. */
+    uint32_t microseconds;  /**< That it took by the host's clock; 0 without one. */
+    uint64_t upload_bytes;  /**< That it recorded for the device. */
+    uint32_t gpu_units;     /**< Thousands of multiply-adds that it recorded. */
+    uint32_t pass_units;    /**< Of a whole pass of the bounce light: with gpu_units a frame it takes at most
+                             * p = pass_units / gpu_units + 8 frames, and what is shown follows a change within 3 p. */
+    uint32_t light_age;     /**< Frames since the state that the static bounce light goes over to; 0: up to date. */
+    uint32_t cube_age;      /**< Age of the oldest cube of an object (chiaro_world_ages). */
 } ChiaroVulkanStats;
+
+/** Layouts of the descriptor sets that a host binds in its own pipelines: *light for me*. See glsl/chiaro.glsl.
+ * They are there from create() to destroy(), whatever the scene is. Visible to vertex, fragment and compute shaders. */
+typedef struct ChiaroVulkanLayouts {
+    uint32_t struct_size; /**< sizeof(ChiaroVulkanLayouts), set by the caller. */
+    uint32_t reserved;
+    VkDescriptorSetLayout indirect; /**< CHIARO_INDIRECT_SET: irradiance at the receivers. */
+    VkDescriptorSetLayout objects;  /**< CHIARO_OBJECT_SET: objects, their cubes, what they do to static surfaces. */
+    VkDescriptorSetLayout lights;   /**< CHIARO_LIGHT_SET: lights and their shadow maps. */
+} ChiaroVulkanLayouts;
+
+/** The sets; VK_NULL_HANDLE where the scene makes Chiaro leave them out. */
+typedef struct ChiaroVulkanSets {
+    uint32_t struct_size; /**< sizeof(ChiaroVulkanSets), set by the caller. */
+    uint32_t reserved;
+    VkDescriptorSet indirect, objects, lights;
+} ChiaroVulkanSets;
 
 /** Buffers that tests and tools may copy from after an update(); VK_NULL_HANDLE where bounce light is left out.
  * All are arrays of four floats (RGB and nothing). */
@@ -294,11 +345,27 @@ typedef struct ChiaroVulkanApi {
 
     /** Numbers about objects. @errors CHIARO_ERROR_ARGUMENT (struct_size). @thread_safety one thread per context. */
     ChiaroResult (*object_stats)(const ChiaroVulkan *context, ChiaroVulkanObjectStats *stats);
+
+    /* Since version 3. */
+
+    /** The functions of the core, for hosts that load the plugin. */
+    const ChiaroCoreApi *core;
+
+    /** Layouts for the host's own pipelines. @errors CHIARO_ERROR_ARGUMENT (struct_size).
+     * @thread_safety one thread per context. @lifetime until destroy(). */
+    ChiaroResult (*layouts)(const ChiaroVulkan *context, ChiaroVulkanLayouts *layouts);
+
+    /** Sets to bind there. @errors CHIARO_ERROR_ARGUMENT (struct_size). @thread_safety one thread per context.
+     * @lifetime `indirect` until the scene is loaded anew or unloaded, `objects` until the objects are, `lights` until
+     * lights_set(), sky_set() or settings_set() is called: ask anew after these. */
+    ChiaroResult (*sets)(const ChiaroVulkan *context, ChiaroVulkanSets *sets);
 } ChiaroVulkanApi;
 
 /** The table of functions, or NULL if the library is older than `version` or `version` is 0.
  * @param version CHIARO_VULKAN_API_VERSION of the host's header. @thread_safety any thread. @lifetime for ever. */
 CHIARO_API const ChiaroVulkanApi *chiaro_vulkan_get_api(uint32_t version);
+
+typedef const ChiaroVulkanApi *(*ChiaroVulkanGetApi)(uint32_t version);
 
 #ifdef __cplusplus
 }

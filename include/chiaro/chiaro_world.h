@@ -30,6 +30,7 @@
 #ifndef CHIARO_CHIARO_WORLD_H
 #define CHIARO_CHIARO_WORLD_H
 
+#include "chiaro_kernel.h"
 #include "chiaro_neighbours.h"
 #include "chiaro_objects.h"
 #include "chiaro_primitives.h"
@@ -115,6 +116,8 @@ typedef struct ChiaroWorldDesc {
     const ChiaroTransport *transport; /**< The static scene, which must outlive the world; NULL: none. */
     ChiaroAllocator allocator;        /**< Default malloc and free. */
     ChiaroLog log;
+    ChiaroClock clock; /**< For budgets in microseconds. Default: none, and they are no limit. Since version 3. */
+    ChiaroJobs jobs;   /**< Neighbour lists are searched by them. Default: none. Since version 3. */
 } ChiaroWorldDesc;
 
 /** Makes a world without objects, dark.
@@ -182,6 +185,10 @@ CHIARO_API ChiaroResult chiaro_object_move(ChiaroWorld *world, uint32_t id, cons
  * @errors CHIARO_ERROR_ARGUMENT: no such object. @thread_safety one thread a world. */
 CHIARO_API ChiaroResult chiaro_object_remove(ChiaroWorld *world, uint32_t id);
 
+/** Rises whenever an object is added, moved or removed. @errors none. @thread_safety one thread a world.
+ * @lifetime nothing is kept. */
+CHIARO_API uint64_t chiaro_world_moves(const ChiaroWorld *world);
+
 /** A placed object. */
 typedef struct ChiaroObjectState {
     const ChiaroObject *object;
@@ -198,6 +205,29 @@ CHIARO_API bool chiaro_object_state(const ChiaroWorld *world, uint32_t id, Chiar
  * @param painted receives the slots that changed: room for budget + CHIARO_MAX_OBJECT_PARTS; NULL: not wanted.
  * @return how many were painted; 0: all is settled, or the budget was 0. @thread_safety one thread a world. */
 CHIARO_API uint32_t chiaro_world_update(ChiaroWorld *world, uint32_t budget, uint32_t *painted);
+
+/** Where the eye is: what changed most on screen is painted first. Without it, what changed most.
+ * @param eye, forward in the world; NULL: no eye. @errors none. @thread_safety one thread a world.
+ * @lifetime nothing is kept of them. */
+CHIARO_API void chiaro_world_eye(ChiaroWorld *world, const float eye[3], const float forward[3]);
+
+/** A frame's share of work, by the kernel (chiaro_kernel.h): the beginning of a round in slices, then its cubes, most
+ * urgent first. A unit is about a microsecond of a processor of 2020. At most one round ends in a call, so that without
+ * limits it is a whole round. Cubes of one round are due together: n of them with k painted a frame are none of them older
+ * than ceil(n / k) + latency frames, as chiaro_kernel_stats() of chiaro_world_kernel() says.
+ * @param spent microseconds of the budget that are used already.
+ * @param painted receives the slots that changed, `capacity` of them at most, which is CHIARO_MAX_OBJECT_PARTS at least.
+ * @return how many were painted. @errors none. @thread_safety one thread a world. @lifetime nothing is kept. */
+CHIARO_API uint32_t chiaro_world_run(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, uint32_t *painted,
+                                     uint32_t capacity);
+
+/** What has been done, is due, and how old it is. The items of the objects have their numbers.
+ * @errors none. @thread_safety one thread a world. @lifetime that of the world. */
+CHIARO_API const ChiaroKernel *chiaro_world_kernel(const ChiaroWorld *world);
+
+/** True if nothing is due: the next chiaro_world_run() would do nothing. @errors none. @thread_safety one thread a world.
+ * @lifetime nothing is kept. */
+CHIARO_API bool chiaro_world_settled(const ChiaroWorld *world);
 
 /** What a slot shows. */
 typedef struct ChiaroWorldCube {
@@ -217,6 +247,48 @@ CHIARO_API bool chiaro_world_cube(const ChiaroWorld *world, uint32_t slot, Chiar
  * @errors CHIARO_ERROR_ARGUMENT: no such object or vertex. @thread_safety one thread a world. */
 CHIARO_API ChiaroResult chiaro_object_irradiance(const ChiaroWorld *world, uint32_t id, uint32_t vertex,
                                                  float irradiance[3]);
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Questions
+ */
+
+/** Light anywhere: for particles, billboards, the game itself. A cube is painted about the point, of what the round that
+ * began last sees: the sky, static surfaces, the objects nearest for their size. That takes as long as the cube of an
+ * object does; where many normals are asked about a place, take the cube.
+ * Light that lamps send there straight is not in it: the host's chiaro_light_at() says what that is.
+ * @param point in the world. @param radius m, 0 or more: things nearer than some of it are seen as from a ball of that
+ * size, as a particle cloud is; it also says how fine near surfaces are looked at.
+ * @param normal unit. @param irradiance receives three floats, never negative.
+ * @errors CHIARO_ERROR_ARGUMENT: numbers that are not finite, a normal that is not unit. @thread_safety one thread a world.
+ * @lifetime nothing is kept. */
+CHIARO_API ChiaroResult chiaro_world_irradiance(ChiaroWorld *world, const float point[3], float radius,
+                                                const float normal[3], float irradiance[3]);
+
+/** The cube itself: chiaro_cube_look_up() with chiaro_world_cube_kernel(), times pi, is irradiance; below zero, zero.
+ * @param texels receives 6 * edge * edge times four floats. @errors CHIARO_ERROR_ARGUMENT. @thread_safety one thread a world.
+ * @lifetime nothing is kept. */
+CHIARO_API ChiaroResult chiaro_world_probe(ChiaroWorld *world, const float point[3], float radius, float *texels);
+
+/** The tables of the world's cubes. @errors none. @thread_safety one thread a world. @lifetime that of the world. */
+CHIARO_API const ChiaroCubeKernel *chiaro_world_cube_kernel(const ChiaroWorld *world);
+
+/** How old what is shown is, in calls of chiaro_world_run() or chiaro_world_update(). 0: nothing has changed since. */
+typedef struct ChiaroWorldAges {
+    uint32_t struct_size; /**< sizeof(ChiaroWorldAges), set by the caller. */
+    uint32_t cubes;       /**< The oldest cube of an object. */
+    uint32_t object;      /**< Whose it is; CHIARO_NONE: there is none. */
+    uint32_t round;       /**< The state that the round now painted sees. */
+    uint32_t light;       /**< Static light that was handed over and that no round has taken yet. */
+    uint32_t blockers;    /**< What moved and is not yet in chiaro_world_blockers(). */
+} ChiaroWorldAges;
+
+/** @errors CHIARO_ERROR_ARGUMENT (struct_size). @thread_safety one thread a world. @lifetime nothing is kept. */
+CHIARO_API ChiaroResult chiaro_world_ages(const ChiaroWorld *world, ChiaroWorldAges *ages);
+
+/** How old the light of one object is: calls since the beginning of the round that its cubes show; CHIARO_NONE: it has no
+ * light yet, or there is no such object. 0 once the world has settled.
+ * @errors none but CHIARO_NONE. @thread_safety one thread a world. @lifetime nothing is kept. */
+CHIARO_API uint32_t chiaro_object_age(const ChiaroWorld *world, uint32_t id);
 
 /** The neighbour lists: kind 0 gives light, kind 1 occludes. Indices are the objects' numbers.
  * @thread_safety one thread a world. @lifetime lists until the next chiaro_world_update(). */

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <time.h>
 
 static const VkFormat color_format = VK_FORMAT_R32G32B32A32_SFLOAT;
 static const VkFormat depth_format = VK_FORMAT_D32_SFLOAT;
@@ -492,6 +493,14 @@ bool host_submit(Host *host)
            host_check(host, vkQueueSubmit(host->queue, 1, &submit, host->fence), "vkQueueSubmit") &&
            host_check(host, vkWaitForFences(host->device, 1, &host->fence, VK_TRUE, UINT64_MAX), "vkWaitForFences") &&
            host_check(host, vkResetFences(host->device, 1, &host->fence), "vkResetFences");
+}
+
+uint64_t host_clock(void *user)
+{
+    struct timespec time;
+    (void)user;
+    clock_gettime(CLOCK_MONOTONIC, &time);
+    return 1000000000u * (uint64_t)time.tv_sec + (uint64_t)time.tv_nsec;
 }
 
 void host_timestamp(Host *host, uint32_t index)

@@ -79,6 +79,9 @@ ChiaroVulkanDesc host_chiaro_desc(const Host *host);
 /* A frame: begin starts recording and numbers it; submit sends it and waits for its end. */
 bool host_begin(Host *host);
 bool host_submit(Host *host);
+/* This machine's clock, nanoseconds: for ChiaroClock. */
+uint64_t host_clock(void *user);
+
 /* A tick of the device's clock, index below HOST_TIMESTAMPS; seconds between two of the last frame, below 0: unknown. */
 void host_timestamp(Host *host, uint32_t index);
 double host_elapsed(Host *host, uint32_t from, uint32_t to);

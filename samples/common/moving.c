@@ -137,7 +137,8 @@ static void create_world(const SceneOptions *options, const ChiaroTransport *tra
                             .edge = moving->desc.edge,
                             .format = moving->desc.format,
                             .seed = moving->desc.seed,
-                            .transport = transport};
+                            .transport = transport,
+                            .clock = moving->desc.clock};
     for (uint32_t i = 0; i < moving->objects.count; i++) {
         desc.cube_capacity += moving->baked[i].part_count;
         desc.element_capacity += moving->baked[i].element_count;

@@ -11,6 +11,7 @@ typedef struct MovingDesc {
     uint32_t edge, format; /* of cubes */
     uint32_t cubes;        /* an update */
     uint32_t seed, threads;
+    ChiaroClock clock; /* for a budget in microseconds */
 } MovingDesc;
 
 typedef struct MovingPose {

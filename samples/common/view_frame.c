@@ -9,11 +9,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 enum { TICK_BEGIN, TICK_UPDATED, TICK_DRAWN, TICK_SHOWN };
-enum { SETTLED_FRAMES = 16, FEATURES = 32, DEFAULT_CUBES = 8, LAST_SHOT = 9999 };
+/* Nothing changes any more when so many frames in a row brought nothing: light goes to objects and back with some delay.
+ * Then some more are drawn, for what lies over the picture. */
+enum { CALM_FRAMES = 12, AWAKE_FRAMES = CALM_FRAMES + 4 };
+enum { FEATURES = 32, DEFAULT_BUDGET = 2000, UNLIMITED = 1000000, LAST_SHOT = 9999 };
 
 #define MEAN_SHARE 0.1 /* of a new frame in the times that are shown */
 #define NOTE_SECONDS 5.0
@@ -52,11 +54,13 @@ static void fit_window(Viewer *viewer)
 
 void viewer_create(Viewer *viewer, const HostDesc *desc)
 {
+    viewer->budget = DEFAULT_BUDGET;
     must(viewer, host_create(&viewer->host, desc));
     fit_window(viewer);
     must(viewer, overlay_create(&viewer->host, &viewer->chain, &viewer->overlay));
     viewer->api = chiaro_vulkan_get_api(CHIARO_VULKAN_API_VERSION);
     ChiaroVulkanDesc chiaro = host_chiaro_desc(&viewer->host);
+    chiaro.clock = viewer->load.moving.clock = (ChiaroClock){host_clock, NULL};
     chiaro.log = (ChiaroLog){print_message, &viewer->options};
     must_chiaro(viewer, viewer->api->create(&chiaro, &viewer->chiaro));
 }
@@ -110,14 +114,13 @@ void viewer_open(Viewer *viewer, const SceneOptions *options)
     const ChiaroCamera *camera = &viewer->scene.camera;
     viewer->camera = viewer->home = view_camera(camera, scene_distance(&viewer->scene.baked.transport.scene, camera));
     viewer->drag.grip = GRIP_NOTHING;
-    viewer->cubes = viewer->load.moving.cubes ? viewer->load.moving.cubes : DEFAULT_CUBES;
     loaded_show(options, &viewer->scene, &viewer->host, viewer->api, viewer->chiaro);
     viewer_wake(viewer);
 }
 
 void viewer_wake(Viewer *viewer)
 {
-    viewer->awake = SETTLED_FRAMES;
+    viewer->awake = AWAKE_FRAMES;
 }
 
 void viewer_note(Viewer *viewer, const char *format, ...)
@@ -148,16 +151,14 @@ static void apply_settings(Viewer *viewer)
         .struct_size = sizeof settings,
         .gi_off = (viewer->without & VIEW_WITHOUT_BOUNCE) != 0,
         .without = viewer->without & CHIARO_WITHOUT_ALL,
-        .cubes = viewer->without & VIEW_WITHOUT_KERNEL ? CHIARO_MAX_WORLD_OBJECTS : viewer->cubes,
         .direct_too = viewer->split};
     if (changed & VIEW_WITHOUT_SKY) {
         bool sky = viewer->scene.sky.radiance && !(viewer->without & VIEW_WITHOUT_SKY);
         must_chiaro(viewer, viewer->api->sky_set(viewer->chiaro, sky ? &viewer->scene.sky : NULL));
     }
-    if (changed || viewer->cubes != viewer->cubes_shown || viewer->split != viewer->split_shown)
+    if (changed || viewer->split != viewer->split_shown)
         must_chiaro(viewer, viewer->api->settings_set(viewer->chiaro, &settings));
     viewer->without_shown = viewer->without;
-    viewer->cubes_shown = viewer->cubes;
     viewer->split_shown = viewer->split;
 }
 
@@ -229,9 +230,8 @@ static void write_numbers(const Viewer *viewer, Lines *lines)
     add_line(lines, "%u samples  %u receivers  K %u  %.1f MiB\n", transport->sample_count, transport->receiver_count,
              transport->info.links, (double)stats.device_bytes / 1048576);
     if (objects.shown > 0)
-        add_line(lines, "%u objects  %u cubes painted of %u a frame  %u fade  %.1f KiB up\n", objects.shown,
-                 objects.cubes, viewer->without & VIEW_WITHOUT_KERNEL ? objects.cubes : viewer->cubes, objects.fading,
-                 (double)objects.upload_bytes / 1024);
+        add_line(lines, "objects %u  cubes painted %u, fading %u  budget %.2f ms  up %.1f KiB\n", objects.shown,
+                 objects.cubes, objects.fading, viewer->budget / 1e3, (double)objects.upload_bytes / 1024);
     int minutes = (int)lroundf(viewer->hour * 60);
     if (viewer->sun != CHIARO_NONE)
         add_line(lines, "sun of %02d:%02d  ", minutes / 60, minutes % 60);
@@ -247,7 +247,8 @@ static void write_features(const Viewer *viewer, Lines *lines)
     viewer->api->describe(viewer->chiaro, features, &count);
     for (uint32_t i = 0; i < count && i < FEATURES; i++) {
         if (features[i].used)
-            add_line(lines, "%s: %.1f KiB\n", features[i].name, (double)features[i].bytes / 1024);
+            add_line(lines, "%s: %.1f KiB, %u us\n", features[i].name, (double)features[i].bytes / 1024,
+                     features[i].microseconds);
         else
             add_line(lines, "%s: left out, %s\n", features[i].name, features[i].reason);
     }
@@ -303,23 +304,21 @@ static void show_overlay(Viewer *viewer)
 
 /* ---- the frame ---------------------------------------------------------------------------------------------------- */
 
-static double seconds(void)
-{
-    struct timespec time;
-    clock_gettime(CLOCK_MONOTONIC, &time);
-    return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
-}
-
 static void record_update(Viewer *viewer, double *record_ms)
 {
     Host *host = &viewer->host;
+    const ChiaroCamera lens = view_camera_lens(&viewer->camera);
     ChiaroVulkanUpdate update = {.struct_size = sizeof update,
                                  .command_buffer = host->commands,
                                  .frame = host->frame,
-                                 .completed_frame = host->frame - 1};
-    double start = seconds();
+                                 .completed_frame = host->frame - 1,
+                                 .has_eye = 1};
+    update.budget.microseconds = viewer->without & VIEW_WITHOUT_KERNEL ? UNLIMITED : viewer->budget;
+    memcpy(update.eye, lens.eye, sizeof update.eye);
+    memcpy(update.forward, lens.forward, sizeof update.forward);
+    uint64_t start = host_clock(NULL);
     must_chiaro(viewer, viewer->api->update(viewer->chiaro, &update));
-    *record_ms = 1e3 * (seconds() - start);
+    *record_ms = 1e-6 * (double)(host_clock(NULL) - start);
 }
 
 static void record_picture(Viewer *viewer)
@@ -391,8 +390,16 @@ static void write_shot(Viewer *viewer)
 static bool is_busy(const Viewer *viewer)
 {
     ChiaroVulkanObjectStats objects = {.struct_size = sizeof objects};
+    const ChiaroWorld *world = viewer->scene.moving.world;
     must_chiaro(viewer, viewer->api->object_stats(viewer->chiaro, &objects));
-    return viewer->plays || objects.cubes + objects.fading > 0;
+    bool cubes = world && !(viewer->without & (VIEW_WITHOUT_BOUNCE | CHIARO_WITHOUT_CUBES));
+    return viewer->plays || objects.fading > 0 || (cubes && !chiaro_world_settled(world));
+}
+
+/* Of what moves a picture is taken at once, of what stands when its light has settled. */
+static bool is_ready(const Viewer *viewer)
+{
+    return viewer->plays || !viewer->scene.moving.world || viewer->awake + CALM_FRAMES <= AWAKE_FRAMES;
 }
 
 bool viewer_frame(Viewer *viewer)
@@ -415,7 +422,8 @@ bool viewer_frame(Viewer *viewer)
     host_timestamp(host, TICK_UPDATED);
     record_picture(viewer);
     host_timestamp(host, TICK_DRAWN);
-    if (viewer->shoot)
+    const bool shot = viewer->shoot && is_ready(viewer);
+    if (shot)
         host_read_target(host);
     host_show_target(host);
     show_overlay(viewer);
@@ -425,8 +433,8 @@ bool viewer_frame(Viewer *viewer)
     must(viewer, swapchain_present(host, &viewer->chain, &viewer->stale));
     take_mean(&viewer->times.frame, 1e3 * (viewer->now - viewer->last));
     take_times(viewer, record_ms);
-    viewer->awake = is_busy(viewer) ? SETTLED_FRAMES : viewer->awake - 1;
-    if (viewer->shoot)
+    viewer->awake = is_busy(viewer) ? AWAKE_FRAMES : viewer->awake - 1;
+    if (shot)
         write_shot(viewer);
     return true;
 }

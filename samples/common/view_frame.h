@@ -9,7 +9,7 @@
 /* What can be taken out beside the bits of ChiaroVulkanWithout. */
 enum {
     VIEW_WITHOUT_BOUNCE = 1 << 16, /* all bounce light */
-    VIEW_WITHOUT_KERNEL = 1 << 17, /* the budget: everything is done in every frame */
+    VIEW_WITHOUT_KERNEL = 1 << 17, /* the budget: what is due is done at once */
     VIEW_WITHOUT_SKY = 1 << 18,
     VIEW_WITHOUT_SUN = 1 << 19, /* the one with a time of day */
     VIEW_WITHOUT_TONE = 1 << 20
@@ -43,7 +43,7 @@ typedef struct Viewer {
     ViewCamera camera, home; /* home: as the scene was opened */
     ViewDrag drag;
     uint32_t without, without_shown; /* ideas that are out: as wanted, as the renderer has it */
-    uint32_t cubes, cubes_shown;     /* a frame */
+    uint32_t budget;                 /* of an update, microseconds: for cubes and neighbours of objects */
     float exposure;
     bool split, split_shown; /* direct light only on the left */
     bool help, numbers, features, shoot;

@@ -11,6 +11,7 @@
 #define HOUR_STEP 0.25f
 #define EXPOSURE_STEP 0.5f
 #define MOST_EXPOSURE 16.0f
+#define MOST_BUDGET 100000u
 
 /* Ideas of the article that can be taken out and put back. */
 typedef struct IdeaKey {
@@ -21,7 +22,7 @@ typedef struct IdeaKey {
 
 static const IdeaKey ideas[] = {
     {GLFW_KEY_B, VIEW_WITHOUT_BOUNCE, "bounce light, all of it"},
-    {GLFW_KEY_K, VIEW_WITHOUT_KERNEL, "kernel: the most urgent cubes only (1)"},
+    {GLFW_KEY_K, VIEW_WITHOUT_KERNEL, "kernel: a budget for the most urgent (1)"},
     {GLFW_KEY_F, CHIARO_WITHOUT_FADES, "fades from cube to cube (1)"},
     {GLFW_KEY_V, CHIARO_WITHOUT_CAVITY, "cavity shading (5)"},
     {GLFW_KEY_N, CHIARO_WITHOUT_BENT_NORMALS, "bent normals (6)"},
@@ -91,12 +92,12 @@ static void play(Viewer *viewer)
 
 static void spend_more(Viewer *viewer)
 {
-    viewer->cubes = viewer->cubes < CHIARO_MAX_WORLD_OBJECTS ? 2 * viewer->cubes : viewer->cubes;
+    viewer->budget = viewer->budget < MOST_BUDGET ? 2 * viewer->budget : viewer->budget;
 }
 
 static void spend_less(Viewer *viewer)
 {
-    viewer->cubes = viewer->cubes > 1 ? viewer->cubes / 2 : 1;
+    viewer->budget = viewer->budget > 1 ? viewer->budget / 2 : 1;
 }
 
 typedef struct ActionKey {
@@ -109,7 +110,7 @@ static const ActionKey actions[] = {
     {GLFW_KEY_F1, show_help, "F1", "keys"},
     {GLFW_KEY_F2, show_numbers, "F2", "times and numbers"},
     {GLFW_KEY_F3, show_features, "F3", "what is used, what is left out"},
-    {GLFW_KEY_P, shoot, "P", "screenshot, PNG and EXR"},
+    {GLFW_KEY_P, shoot, "P", "screenshot, PNG and EXR, once light has settled"},
     {GLFW_KEY_I, split, "I", "direct light only beside all light"},
     {GLFW_KEY_TAB, change_camera, "Tab", "orbit, or walk with WASD QE"},
     {GLFW_KEY_R, look_home, "R", "camera back to where it was"},
@@ -118,8 +119,8 @@ static const ActionKey actions[] = {
     {GLFW_KEY_RIGHT, later, "Right", "and forth"},
     {GLFW_KEY_UP, brighter, "Up", "exposure half a stop up"},
     {GLFW_KEY_DOWN, darker, "Down", "and down"},
-    {GLFW_KEY_EQUAL, spend_more, "+", "twice as many cubes a frame"},
-    {GLFW_KEY_MINUS, spend_less, "-", "half as many"},
+    {GLFW_KEY_EQUAL, spend_more, "+", "twice the time for objects, a frame"},
+    {GLFW_KEY_MINUS, spend_less, "-", "half of it"},
     {GLFW_KEY_BACKSPACE, put_all_back, "Back", "all ideas are put back"},
 };
 

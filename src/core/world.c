@@ -1,4 +1,5 @@
-/* The world of objects: who is in it, how it is lit, and rounds (chiaro_world.h tells the whole). */
+/* The world of objects: who is in it and how it is lit (chiaro_world.h tells the whole). */
+#include "versions.h"
 #include "world.h"
 
 #include <stdlib.h>
@@ -34,9 +35,8 @@ void chiaro_world_free(const ChiaroWorld *world, void *memory)
 
 static bool resolve(const ChiaroWorldDesc *from, ChiaroWorldDesc *desc)
 {
-    if (!from || from->struct_size < sizeof *from)
+    if (!chiaro_take_struct(desc, sizeof *desc, from, CHIARO_SIZE_BEFORE(ChiaroWorldDesc, clock)))
         return false;
-    *desc = *from;
     if (desc->object_capacity < 1 || desc->object_capacity > CHIARO_MAX_WORLD_OBJECTS)
         return false;
     desc->cube_capacity = desc->cube_capacity ? desc->cube_capacity : desc->object_capacity;
@@ -58,6 +58,16 @@ static bool make_neighbours(ChiaroWorld *world)
     world->neighbour_objects = chiaro_world_alloc(world, world->desc.object_capacity, sizeof *world->neighbour_objects);
     return world->neighbour_memory && world->neighbour_objects &&
            chiaro_neighbours_init(&desc, world->neighbour_memory, size, &world->neighbours) == CHIARO_OK;
+}
+
+static bool make_kernel(ChiaroWorld *world)
+{
+    ChiaroKernelDesc desc = {.struct_size = sizeof desc, .item_count = world->desc.object_capacity + WORLD_TASKS,
+                             .clock = world->desc.clock};
+    size_t size = chiaro_kernel_size(&desc);
+    world->kernel_memory = chiaro_world_alloc(world, 1, size);
+    return world->kernel_memory &&
+           chiaro_kernel_init(&desc, world->kernel_memory, size, &world->kernel_of_rounds) == CHIARO_OK;
 }
 
 static bool make_shine(ChiaroWorld *world, Shine *shine)
@@ -132,7 +142,7 @@ static ChiaroResult make_world(ChiaroWorld *world)
     world->radiosity = chiaro_world_alloc(world, desc->element_capacity, 3 * sizeof(float));
     if (!world->sky || !world->sky_slopes || !world->bodies || !world->slot_taken || !world->slot_body ||
         !world->slot_painted || !world->element_taken || !world->encoded || !world->scales || !world->items ||
-        !world->item_order || !world->radiosity || !make_neighbours(world) || !make_shine(world, &world->last) ||
+        !world->item_order || !world->radiosity || !make_neighbours(world) || !make_kernel(world) || !make_shine(world, &world->last) ||
         !make_shine(world, &world->next) || !make_grid(world, &world->grid) || !make_grid(world, &world->shown))
         return CHIARO_ERROR_MEMORY;
     return make_static(world);
@@ -164,7 +174,8 @@ void chiaro_world_destroy(ChiaroWorld *world)
         return;
     void *all[] = {world->sky, world->sky_slopes, world->bodies, world->slot_taken, world->slot_body,
                    world->slot_painted, world->element_taken, world->encoded, world->scales, world->items, world->item_order,
-                   world->radiosity, world->neighbour_memory, world->neighbour_objects, world->last.texels, world->last.axes, world->next.texels, world->next.axes,
+                   world->radiosity, world->neighbour_memory, world->neighbour_objects,
+                   world->kernel_memory, world->last.texels, world->last.axes, world->next.texels, world->next.axes,
                    world->grid.blockers, world->grid.first, world->grid.entries, world->grid.weights,
                    world->shown.blockers, world->shown.first, world->shown.entries, world->shown.weights, world->albedo,
                    world->roots, world->stack, world->tiles, world->tile_first, world->light.lights,
@@ -188,7 +199,7 @@ ChiaroResult chiaro_world_sky(ChiaroWorld *world, const ChiaroSky *sky)
     if (sky && chiaro_sky_check(sky) != CHIARO_OK)
         return CHIARO_ERROR_ARGUMENT;
     chiaro_cube_sky_slope(world->kernel, sky, world->sky, world->sky_slopes);
-    world->changed = true;
+    chiaro_world_stir(world, false);
     return CHIARO_OK;
 }
 
@@ -216,13 +227,16 @@ ChiaroResult chiaro_world_light(ChiaroWorld *world, const ChiaroWorldLight *ligh
     if (light->total && (!values_sound(light->direct, world->node_count, light->stride) ||
                          !values_sound(light->total, world->node_count, light->stride)))
         return CHIARO_ERROR_ARGUMENT;
-    ChiaroLight *lights = chiaro_world_alloc(world, light->light_count, sizeof *lights);
-    if (!lights)
-        return CHIARO_ERROR_MEMORY;
+    if (light->light_count > coming->light_capacity) {
+        ChiaroLight *lights = chiaro_world_alloc(world, light->light_count, sizeof *lights);
+        if (!lights)
+            return CHIARO_ERROR_MEMORY;
+        chiaro_world_free(world, coming->lights);
+        coming->lights = lights, coming->light_capacity = light->light_count;
+    }
     if (light->light_count)
-        memcpy(lights, light->lights, light->light_count * sizeof *lights);
-    chiaro_world_free(world, coming->lights);
-    coming->lights = lights, coming->light_count = light->light_count;
+        memcpy(coming->lights, light->lights, light->light_count * sizeof *coming->lights);
+    coming->light_count = light->light_count;
     coming->visible = light->visible, coming->user = light->user;
     coming->lit = light->total && world->node_count;
     for (uint32_t n = 0; coming->lit && n < world->node_count; n++) {
@@ -232,7 +246,10 @@ ChiaroResult chiaro_world_light(ChiaroWorld *world, const ChiaroWorldLight *ligh
             coming->ambient[3 * (size_t)n + c] = fmaxf(0, total - light->direct[(size_t)n * light->stride + c]);
         }
     }
-    world->light_comes = world->changed = true;
+    if (!world->light_comes)
+        world->light_came = world->updates;
+    world->light_comes = true;
+    chiaro_world_stir(world, false);
     return CHIARO_OK;
 }
 
@@ -288,8 +305,6 @@ static Body *find_body(const ChiaroWorld *world, uint32_t id)
     return id < world->body_end && world->bodies[id].used ? &world->bodies[id] : NULL;
 }
 
-static void stir(ChiaroWorld *world) { world->changed = world->shown_stale = true; }
-
 /* What a new owner must not find: the light of the last one. */
 static void darken(ChiaroWorld *world, const Body *body)
 {
@@ -333,7 +348,7 @@ ChiaroResult chiaro_object_add(ChiaroWorld *world, const ChiaroObject *object, c
     darken(world, body);
     world->body_end = n < world->body_end ? world->body_end : n + 1;
     *id = n;
-    stir(world);
+    chiaro_world_stir(world, true);
     return CHIARO_OK;
 }
 
@@ -345,9 +360,10 @@ ChiaroResult chiaro_object_move(ChiaroWorld *world, uint32_t id, const float tra
         return CHIARO_ERROR_ARGUMENT;
     if (memcmp(body->transform, transform, sizeof body->transform) == 0)
         return CHIARO_OK;
+    body->moved += vec3_length(vec3_sub(pose.place, body->now.place));
     body->now = pose;
     memcpy(body->transform, transform, sizeof body->transform);
-    stir(world);
+    chiaro_world_stir(world, true);
     return CHIARO_OK;
 }
 
@@ -359,8 +375,9 @@ ChiaroResult chiaro_object_remove(ChiaroWorld *world, uint32_t id)
     memset(world->slot_taken + body->first_slot, 0, body->object.part_count);
     memset(world->element_taken + body->first_element, 0, body->object.element_count);
     darken(world, body);
+    chiaro_world_forget(world, id);
     body->used = body->present = false;
-    stir(world);
+    chiaro_world_stir(world, true);
     return CHIARO_OK;
 }
 
@@ -373,105 +390,6 @@ bool chiaro_object_state(const ChiaroWorld *world, uint32_t id, ChiaroObjectStat
                                  .part_count = body->object.part_count};
     memcpy(state->transform, body->transform, sizeof state->transform);
     return true;
-}
-
-/* ------------------------------------------------------------------------------------------------------------------
- * Rounds
- */
-
-/* How the lists see a body: as bright as its root gives off light on average. */
-static ChiaroNeighbourObject neighbour_of(const ChiaroWorld *world, const Body *body)
-{
-    ChiaroNeighbourObject object = {.alive = body->present};
-    if (!body->present)
-        return object;
-    const float *axes = world->last.axes + 36 * (size_t)body->first_element;
-    float radius = body->pose.scale * body->object.radius, sum[3] = {0};
-    for (uint32_t i = 0; i < 18; i++)
-        sum[i % 3] += axes[i];
-    vec3_store(object.position, pose_point(&body->pose, vec3_load(body->object.center)));
-    object.radius = radius;
-    /* A ball of radiosity b sends b r^2 toward each of the six axes. */
-    float brightest = fmaxf(sum[0], fmaxf(sum[1], sum[2])) / 6;
-    object.brightness = body->object.radius > 0 ? brightest / (body->object.radius * body->object.radius) : 0;
-    return object;
-}
-
-static void begin_round(ChiaroWorld *world)
-{
-    if (world->light_comes) {
-        StaticLight done = world->light;
-        world->light = world->coming, world->coming = done;
-        world->light_comes = false;
-    }
-    world->without = world->without_next;
-    for (uint32_t n = 0; n < world->body_end; n++) {
-        Body *body = &world->bodies[n];
-        body->present = body->used, body->painted = false;
-        body->pose = body->now;
-        world->neighbour_objects[n] = neighbour_of(world, body);
-    }
-    for (uint32_t tick = 0; tick < WORLD_TICKS_A_ROUND; tick++) {
-        chiaro_neighbours_update(world->neighbours, world->neighbour_objects, world->body_end, 0,
-                                 world->desc.object_capacity);
-        chiaro_neighbours_end_tick(world->neighbours);
-    }
-    chiaro_blockers_build(world, &world->grid, false);
-    world->cursor = 0;
-    world->in_round = true;
-}
-
-static void end_round(ChiaroWorld *world)
-{
-    Shine read = world->last;
-    world->last = world->next, world->next = read;
-    for (uint32_t n = 0; n < world->body_end; n++)
-        world->bodies[n].painted = false;
-    world->in_round = false;
-    world->rounds_left--;
-}
-
-static void publish(ChiaroWorld *world, const Body *body)
-{
-    for (uint32_t slot = body->first_slot; slot < body->first_slot + body->object.part_count; slot++) {
-        const float *texels = world->next.texels + 4 * (size_t)slot * world->texel_count;
-        /* The format was checked when the world was made. */
-        (void)chiaro_cube_encode((ChiaroCubeFormat)world->desc.format, texels, world->texel_count,
-                                 world->encoded + slot * world->encoded_bytes, &world->scales[slot]);
-        world->slot_painted[slot] = true;
-    }
-}
-
-uint32_t chiaro_world_update(ChiaroWorld *world, uint32_t budget, uint32_t *painted)
-{
-    uint32_t count = 0;
-    if (budget && !world->in_round) {
-        if (world->changed)
-            world->rounds_left = CHIARO_WORLD_SETTLE_ROUNDS;
-        world->changed = false;
-        if (world->rounds_left)
-            begin_round(world);
-    }
-    while (world->in_round && count < budget && world->cursor < world->body_end) {
-        uint32_t id = world->cursor++;
-        Body *body = &world->bodies[id];
-        if (!body->present)
-            continue;
-        chiaro_world_paint(world, id);
-        body->painted = true;
-        publish(world, body);
-        for (uint32_t p = 0; p < body->object.part_count; p++, count++) {
-            if (painted)
-                painted[count] = body->first_slot + p;
-        }
-        world->shown_stale = true;
-    }
-    if (world->in_round && world->cursor == world->body_end)
-        end_round(world);
-    if (world->shown_stale)
-        chiaro_blockers_build(world, &world->shown, true);
-    world->shown_stale = false;
-    return count;
 }
 
 /* ------------------------------------------------------------------------------------------------------------------

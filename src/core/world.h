@@ -1,6 +1,8 @@
 /* Inside the world of objects: what its files share.
  *
- *   world.c           objects come, move and go; light and sky are taken over; rounds
+ *   world.c           objects come, move and go; light and sky are taken over
+ *   world_round.c     rounds: what is done in a frame, and in which order
+ *   world_query.c     light anywhere, and how old everything is
  *   world_tiles.c     the true shape of static surfaces
  *   world_static.c    the static tree as a cube's centre sees it: items, near ones in small pieces
  *   world_paint.c     a cube, painted: items, neighbours, sky, smoothing, what is near seen from the skin
@@ -10,6 +12,7 @@
 #ifndef CHIARO_WORLD_INTERNAL_H
 #define CHIARO_WORLD_INTERNAL_H
 
+#include "chiaro/chiaro_kernel.h"
 #include "chiaro/chiaro_world.h"
 #include "cubes.h"
 
@@ -41,12 +44,14 @@ typedef struct Body {
     float transform[16];
     Pose now, pose; /* as it was told last; as it is in this round */
     uint32_t first_slot, first_element; /* its nodes begin at 2 * first_element */
+    float moved, changed; /* m since it was painted; light of its cubes, when it was */
+    uint64_t shown;       /* update whose state its cubes show; 0: none */
 } Body;
 
 /* Light on the static scene. Three floats a node. */
 typedef struct StaticLight {
     ChiaroLight *lights;
-    uint32_t light_count;
+    uint32_t light_count, light_capacity;
     ChiaroVisibleFunc visible;
     void *user;
     float *total, *ambient; /* all light that the node gives off; of it what did not come straight from lamps */
@@ -70,6 +75,9 @@ typedef struct Item {
     uint32_t node;
     bool near, part; /* part: a piece of a leaf */
 } Item;
+
+/* The kernel's items beyond the bodies. */
+enum { TASK_ROUND, TASK_SHOWN, WORLD_TASKS };
 
 enum { WORLD_MAX_ITEMS = 8192, WORLD_MAX_NEAR = 1024, WORLD_MAX_BALLS = 64, WORLD_TICKS_A_ROUND = 4 };
 
@@ -119,8 +127,15 @@ struct ChiaroWorld {
     uint32_t without, without_next; /* ChiaroWorldWithout: in this round; from the next one on */
 
     bool changed, shown_stale;
-    bool in_round;
-    uint32_t rounds_left, cursor; /* next body of the round */
+    uint64_t light_came, blockers_stale; /* calls when these became so */
+    uint64_t moves, updates, round_began; /* chiaro_world_run() calls so far; the one in which the round began */
+    ChiaroKernel *kernel_of_rounds; /* items: bodies, then WORLD_TASKS */
+    void *kernel_memory;
+    uint32_t rounds_left, stage, cursor, tick; /* of the round: ROUND_, next body, tick of the lists */
+    uint32_t unpainted;                        /* bodies that the round has yet to paint */
+    float most_changed, most_changing;         /* what urgency is measured by: of the last round, of this one */
+    bool has_eye;
+    Vec3 eye, forward;
     BlockerGrid grid, shown;      /* as the round sees it; as the host does */
 
     Item *items;
@@ -178,6 +193,12 @@ static inline bool tile_split(const Tile *tile, float longest, Tile half[2])
     return true;
 }
 
+/* --- world_round.c --- */
+/* Something has changed: there will be rounds. `blockers`: those too are not what they were. */
+void chiaro_world_stir(ChiaroWorld *world, bool blockers);
+/* A body goes: the round paints it no more. */
+void chiaro_world_forget(ChiaroWorld *world, uint32_t id);
+
 /* --- world_tiles.c --- */
 /* Cuts the drawn mesh into tiles and deals them out to the leaves; false: out of memory. */
 bool chiaro_static_tiles(ChiaroWorld *world);
@@ -192,6 +213,8 @@ uint32_t chiaro_static_items(ChiaroWorld *world, Vec3 center, float radius);
 /* --- world_paint.c --- */
 /* Repaints all cubes of a body and lights its elements, from `last` into `next`. */
 void chiaro_world_paint(ChiaroWorld *world, uint32_t id);
+/* The same for a cube at any place; texels as in Shine. */
+void chiaro_world_paint_at(ChiaroWorld *world, Vec3 center, float radius, float *texels);
 Vec3 chiaro_world_direct(const ChiaroWorld *world, Vec3 point, Vec3 normal);
 
 /* --- world_near.c --- */

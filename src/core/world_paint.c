@@ -68,11 +68,45 @@ static int compare_listed(const void *a, const void *b)
     return x->id < y->id ? -1 : x->id > y->id;
 }
 
+static Listed listed_of(const Canvas *canvas, uint32_t id)
+{
+    const ChiaroNeighbourObject *object = &canvas->world->neighbour_objects[id];
+    return (Listed){vec3_length(vec3_sub(vec3_load(object->position), canvas->center)) - object->radius, id};
+}
+
+/* A place that is no object has no lists: the nearest of all, for their size. */
+static uint32_t list_all(const Canvas *canvas, Listed listed[MAX_LISTED])
+{
+    const ChiaroWorld *world = canvas->world;
+    float weights[MAX_LISTED] = {0};
+    uint32_t total = 0;
+    for (uint32_t id = 0; id < world->body_end; id++) {
+        if (!world->bodies[id].present)
+            continue;
+        Listed entry = listed_of(canvas, id);
+        float radius = world->neighbour_objects[id].radius, weight = radius / fmaxf(entry.distance + radius, radius);
+        uint32_t place = total;
+        if (total == world->desc.neighbours) {
+            for (uint32_t k = place = 0; k < total; k++)
+                place = weights[k] < weights[place] ? k : place;
+            if (weight <= weights[place])
+                continue;
+        } else {
+            total++;
+        }
+        listed[place] = entry, weights[place] = weight;
+    }
+    qsort(listed, total, sizeof *listed, compare_listed);
+    return total;
+}
+
 /* Everybody on one of the lists, nearest first. */
 static uint32_t list_neighbours(const Canvas *canvas, uint32_t id, Listed listed[MAX_LISTED])
 {
     const ChiaroWorld *world = canvas->world;
     uint32_t total = 0;
+    if (id == CHIARO_NONE)
+        return list_all(canvas, listed);
     for (uint32_t kind = 0; kind < 2; kind++) {
         uint32_t count;
         const ChiaroNeighbour *list = chiaro_neighbours_list(world->neighbours, kind, id, &count);
@@ -82,9 +116,7 @@ static uint32_t list_neighbours(const Canvas *canvas, uint32_t id, Listed listed
                 k++;
             if (k < total || !world->bodies[other].present)
                 continue;
-            const ChiaroNeighbourObject *object = &world->neighbour_objects[other];
-            float away = vec3_length(vec3_sub(vec3_load(object->position), canvas->center));
-            listed[total++] = (Listed){away - object->radius, other};
+            listed[total++] = listed_of(canvas, other);
         }
     }
     qsort(listed, total, sizeof *listed, compare_listed);
@@ -307,12 +339,13 @@ static void add_near(Canvas *canvas, uint32_t part, float *texels)
     const Pose *pose = &canvas->body->pose;
     float light[4 * CHIARO_CUBE_MAX_TEXELS];
     uint32_t edge = world->desc.edge, first = edge == 4 ? 0 : edge == 6 ? 96 : 96 + 216;
-    const float *hull = canvas->body->object.hull + 4 * ((size_t)part * CHIARO_HULL_TEXELS + first);
+    const float *hull = canvas->body->object.hull;
     for (uint32_t t = 0; t < world->texel_count; t++) {
         Vec3 normal = vec3_load(world->kernel->centre[t]);
-        float local[3], place[4];
+        float local[3], place[4] = {0};
         vec3_store(local, pose_turn_back(pose, normal));
-        chiaro_cube_look_up(world->kernel, hull, local, place);
+        if (hull)
+            chiaro_cube_look_up(world->kernel, hull + 4 * ((size_t)part * CHIARO_HULL_TEXELS + first), local, place);
         Vec3 skin = vec3_scale(pose_turn(pose, vec3_load(place)), pose->scale);
         chiaro_near_sum(&world->near, vec3_add(canvas->center, skin), normal, light + 4 * t);
     }
@@ -330,12 +363,10 @@ static void add_near(Canvas *canvas, uint32_t part, float *texels)
     }
 }
 
-static void paint_part(Canvas *canvas, uint32_t id, uint32_t part)
+/* `id`: of the object that is there; CHIARO_NONE: none. What is near goes to its own list. */
+static void paint_center(Canvas *canvas, uint32_t id, Vec3 center, float radius, float *texels)
 {
     ChiaroWorld *world = canvas->world;
-    const Body *body = canvas->body;
-    const ChiaroObjectPart *from = &body->object.parts[part];
-    float *texels = world->next.texels + 4 * (size_t)(body->first_slot + part) * world->texel_count;
     memset(canvas->full, 0, sizeof canvas->full);
     memset(canvas->front, 0, sizeof canvas->front);
     memset(canvas->covered, 0, sizeof canvas->covered);
@@ -345,8 +376,8 @@ static void paint_part(Canvas *canvas, uint32_t id, uint32_t part)
     memset(canvas->radiance, 0, sizeof canvas->radiance);
     canvas->closed = world->near.plate_count = world->near.ball_count = 0;
     canvas->any_near = canvas->any_far = false;
-    canvas->center = pose_point(&body->pose, vec3_load(from->center));
-    canvas->radius = from->radius * body->pose.scale;
+    canvas->center = center;
+    canvas->radius = radius;
     paint_neighbours(canvas, id);
     paint_static(canvas);
     resolve(canvas);
@@ -354,6 +385,15 @@ static void paint_part(Canvas *canvas, uint32_t id, uint32_t part)
         memcpy(texels, canvas->radiance, sizeof canvas->radiance[0] * 4 * world->texel_count);
     else
         chiaro_cube_smooth(world->kernel, canvas->radiance, texels);
+}
+
+static void paint_part(Canvas *canvas, uint32_t id, uint32_t part)
+{
+    ChiaroWorld *world = canvas->world;
+    const Body *body = canvas->body;
+    const ChiaroObjectPart *from = &body->object.parts[part];
+    float *texels = world->next.texels + 4 * (size_t)(body->first_slot + part) * world->texel_count;
+    paint_center(canvas, id, pose_point(&body->pose, vec3_load(from->center)), from->radius * body->pose.scale, texels);
     if (world->near.plate_count || world->near.ball_count)
         add_near(canvas, part, texels);
     for (uint32_t t = 0; t < world->texel_count; t++)
@@ -408,4 +448,14 @@ void chiaro_world_paint(ChiaroWorld *world, uint32_t id)
     for (uint32_t part = 0; part < canvas.body->object.part_count; part++)
         paint_part(&canvas, id, part);
     light_elements(world, canvas.body);
+}
+
+/* Seen from the place itself: a point has no skin. */
+void chiaro_world_paint_at(ChiaroWorld *world, Vec3 center, float radius, float *texels)
+{
+    Body point = {.pose = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, center, 1}};
+    Canvas canvas = {.world = world, .body = &point};
+    paint_center(&canvas, CHIARO_NONE, center, radius, texels);
+    if (world->near.plate_count || world->near.ball_count)
+        add_near(&canvas, 0, texels);
 }

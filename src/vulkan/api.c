@@ -8,7 +8,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "../core/core_table.h"
 #include "../core/log.h"
+#include "../core/versions.h"
 #include "context.h"
 
 #define DEFAULT_FACE_SIZE 1024u
@@ -32,7 +34,12 @@ static ChiaroResult check_desc(ChiaroVulkan *context)
         return refuse(context, "instance, physical_device, device and get_instance_proc_addr are needed");
     if (!desc->allocator.alloc != !desc->allocator.free)
         return refuse(context, "allocator: both functions or neither");
-    if (!desc->render_pass && (desc->color_format == VK_FORMAT_UNDEFINED || desc->depth_format == VK_FORMAT_UNDEFINED))
+    if (desc->light_only > 1 || desc->sliced > 1)
+        return refuse(context, "light_only, sliced: 0 or 1");
+    if (!desc->sample_code != !desc->sample_code_size || desc->sample_code_size % 4 != 0 ||
+        ((desc->sample_code || desc->shadow_layout) && !desc->light_only))
+        return refuse(context, "sample_code, its size, shadow_layout: with light_only, whole words");
+    if (!desc->light_only && !desc->render_pass && (desc->color_format == VK_FORMAT_UNDEFINED || desc->depth_format == VK_FORMAT_UNDEFINED))
         return refuse(context, "either render_pass, or color_format and depth_format");
     if (desc->face_shadow_size < MIN_SHADOW_SIZE || desc->face_shadow_size > MAX_SHADOW_SIZE)
         return refuse(context, "face_shadow_size");
@@ -74,14 +81,31 @@ static void destroy(ChiaroVulkan *context)
     chiaro_arena_retire(context, &context->pipeline_arena);
     chiaro_arena_retire(context, &context->layouts.arena);
     chiaro_arena_collect(context, UINT64_MAX);
+    chiaro_vulkan_free(context, context->bounce.memory);
+    chiaro_vulkan_free(context, context->sample_code);
     chiaro_vulkan_free(context, context);
+}
+
+/* What outlives create(). */
+static ChiaroResult furnish(ChiaroVulkan *context)
+{
+    ChiaroVulkanDesc *desc = &context->desc;
+    if (desc->sample_code) {
+        context->sample_code = chiaro_vulkan_alloc(context, (size_t)desc->sample_code_size, 1);
+        if (!context->sample_code)
+            return CHIARO_ERROR_MEMORY;
+        memcpy(context->sample_code, desc->sample_code, (size_t)desc->sample_code_size);
+        desc->sample_code = context->sample_code;
+    }
+    ChiaroResult result = chiaro_bounce_create(context);
+    return result == CHIARO_OK ? chiaro_layouts_create(context) : result;
 }
 
 static ChiaroResult create(const ChiaroVulkanDesc *desc, ChiaroVulkan **context)
 {
-    if (!desc || !context || desc->struct_size != sizeof *desc)
+    ChiaroVulkan seed = {.frame = 0};
+    if (!context || !chiaro_take_struct(&seed.desc, sizeof seed.desc, desc, CHIARO_SIZE_BEFORE(ChiaroVulkanDesc, clock)))
         return CHIARO_ERROR_ARGUMENT;
-    ChiaroVulkan seed = {.desc = *desc};
     seed.desc.face_shadow_size = desc->face_shadow_size ? desc->face_shadow_size : DEFAULT_FACE_SIZE;
     seed.desc.wide_shadow_size = desc->wide_shadow_size ? desc->wide_shadow_size : DEFAULT_WIDE_SIZE;
     seed.desc.samples = desc->samples ? desc->samples : VK_SAMPLE_COUNT_1_BIT;
@@ -100,7 +124,7 @@ static ChiaroResult create(const ChiaroVulkanDesc *desc, ChiaroVulkan **context)
     if (!made)
         return CHIARO_ERROR_MEMORY;
     *made = seed;
-    result = chiaro_layouts_create(made);
+    result = furnish(made);
     if (result != CHIARO_OK) {
         destroy(made);
         return result;
@@ -111,10 +135,9 @@ static ChiaroResult create(const ChiaroVulkanDesc *desc, ChiaroVulkan **context)
 
 static ChiaroResult desc_get(const ChiaroVulkan *context, ChiaroVulkanDesc *desc)
 {
-    if (!context || !desc || desc->struct_size != sizeof *desc)
-        return CHIARO_ERROR_ARGUMENT;
-    *desc = context->desc;
-    return CHIARO_OK;
+    bool given = context && chiaro_give_struct(desc, sizeof *desc, &context->desc,
+                                               CHIARO_SIZE_BEFORE(ChiaroVulkanDesc, clock));
+    return given ? CHIARO_OK : CHIARO_ERROR_ARGUMENT;
 }
 
 /* ---- state -------------------------------------------------------------------------------------------------------- */
@@ -135,6 +158,7 @@ static ChiaroResult scene_load(ChiaroVulkan *context, const ChiaroVulkanLoad *lo
         return refuse(context, "scene_load: transport, command_buffer, or a frame that fell");
     context->frame = load->frame;
     chiaro_objects_release(context);
+    chiaro_bounce_reset(context);
     chiaro_scene_release(context, &context->scene);
     ChiaroResult result = chiaro_scene_upload(context, &context->scene, load->transport, load->command_buffer);
     if (result != CHIARO_OK)
@@ -156,6 +180,7 @@ static void scene_unload(ChiaroVulkan *context)
     if (!context)
         return;
     chiaro_objects_release(context);
+    chiaro_bounce_reset(context);
     chiaro_scene_release(context, &context->scene);
     chiaro_lights_release(context);
 }
@@ -209,9 +234,11 @@ static ChiaroResult sky_set(ChiaroVulkan *context, const ChiaroSky *sky)
     return result;
 }
 
-static ChiaroResult settings_set(ChiaroVulkan *context, const ChiaroVulkanSettings *settings)
+static ChiaroResult settings_set(ChiaroVulkan *context, const ChiaroVulkanSettings *given)
 {
-    if (!context || !settings || settings->struct_size != sizeof *settings)
+    ChiaroVulkanSettings taken, *settings = &taken;
+    if (!context ||
+        !chiaro_take_struct(&taken, sizeof taken, given, CHIARO_SIZE_BEFORE(ChiaroVulkanSettings, without)))
         return CHIARO_ERROR_ARGUMENT;
     if (settings->component > CHIARO_COMPONENT_INDIRECT || settings->gi_off > 1 || settings->tone_map > 1 ||
         !(fabsf(settings->exposure) <= MAX_EXPOSURE) || settings->without > CHIARO_WITHOUT_ALL ||
@@ -227,6 +254,8 @@ static ChiaroResult settings_set(ChiaroVulkan *context, const ChiaroVulkanSettin
     if (old->component != settings->component || old->tone_map != settings->tone_map)
         chiaro_pipelines_retire_forward(context);
     context->settings = *settings;
+    if (other_light)
+        chiaro_bounce_reset(context);
     if (!other_light)
         return chiaro_pipelines_prepare(context);
     /* What was left undone while it was not shown is done now. */
@@ -236,26 +265,44 @@ static ChiaroResult settings_set(ChiaroVulkan *context, const ChiaroVulkanSettin
 
 /* ---- the frame ---------------------------------------------------------------------------------------------------- */
 
-static ChiaroResult update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info)
+uint32_t chiaro_vulkan_microseconds(const ChiaroVulkan *context, uint64_t since)
 {
-    if (!context || !info || info->struct_size != sizeof *info)
+    const ChiaroClock *clock = &context->desc.clock;
+    return clock->now ? (uint32_t)((clock->now(clock->user) - since) / 1000) : 0;
+}
+
+static ChiaroResult update(ChiaroVulkan *context, const ChiaroVulkanUpdate *given)
+{
+    ChiaroVulkanUpdate whole, *info = &whole;
+    if (!context || !chiaro_take_struct(info, sizeof *info, given, CHIARO_SIZE_BEFORE(ChiaroVulkanUpdate, budget)))
         return CHIARO_ERROR_ARGUMENT;
+    const ChiaroClock *clock = &context->desc.clock;
+    context->update_began = clock->now ? clock->now(clock->user) : 0;
+    if (info->gpu_units && !context->desc.sliced)
+        return refuse(context, "update: gpu_units needs ChiaroVulkanDesc.sliced");
+    if (!context->desc.shadow_layout != !info->shadow_set)
+        return refuse(context, "update: shadow_set goes with ChiaroVulkanDesc.shadow_layout");
     if (!info->command_buffer || info->frame < context->frame || info->frame == 0 ||
         info->completed_frame >= info->frame)
         return refuse(context, "update: command_buffer, frame or completed_frame");
     chiaro_arena_collect(context, info->completed_frame);
     context->frame = info->frame;
-    chiaro_objects_update(context, info->command_buffer, info->completed_frame);
-    chiaro_record_update(context, info->command_buffer);
+    context->tasks = 0;
+    context->upload_bytes = 0;
+    chiaro_objects_update(context, info);
+    context->objects_microseconds = chiaro_vulkan_microseconds(context, context->update_began);
+    chiaro_record_update(context, info->command_buffer, info);
+    context->microseconds = chiaro_vulkan_microseconds(context, context->update_began);
     return CHIARO_OK;
 }
 
-static ChiaroResult draw(ChiaroVulkan *context, const ChiaroVulkanDraw *info)
+static ChiaroResult draw(ChiaroVulkan *context, const ChiaroVulkanDraw *given)
 {
-    if (!context || !info || info->struct_size != sizeof *info)
+    ChiaroVulkanDraw taken, *info = &taken;
+    if (!context || !chiaro_take_struct(&taken, sizeof taken, given, CHIARO_SIZE_BEFORE(ChiaroVulkanDraw, direct_only)))
         return CHIARO_ERROR_ARGUMENT;
-    if (!info->command_buffer)
-        return refuse(context, "draw: command_buffer");
+    if (!info->command_buffer || context->desc.light_only)
+        return refuse(context, "draw: command_buffer, or a context that is light_only");
     for (int i = 0; i < 16; i++)
         if (!isfinite(info->view[i]) || !isfinite(info->projection[i]))
             return refuse(context, "draw: a matrix is not finite");
@@ -426,14 +473,42 @@ static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features,
 
 static ChiaroResult stats(const ChiaroVulkan *context, ChiaroVulkanStats *out)
 {
+    if (!context)
+        return CHIARO_ERROR_ARGUMENT;
+    ChiaroVulkanStats now = {.lights = context->lights.count,
+                             .device_bytes = context->device_bytes,
+                             .gi_bytes = context->scene.gi_bytes,
+                             .dispatches = context->dispatches,
+                             .shadow_passes = context->shadow_passes,
+                             .updates = context->updates,
+                             .tasks = context->tasks,
+                             .microseconds = context->microseconds,
+                             .upload_bytes = context->upload_bytes};
+    chiaro_bounce_stats(context, &now);
+    ChiaroWorldAges ages = {.struct_size = sizeof ages};
+    if (context->objects.world && chiaro_world_ages(context->objects.world, &ages) == CHIARO_OK)
+        now.cube_age = ages.cubes;
+    bool given = chiaro_give_struct(out, sizeof now, &now, CHIARO_SIZE_BEFORE(ChiaroVulkanStats, tasks));
+    return given ? CHIARO_OK : CHIARO_ERROR_ARGUMENT;
+}
+
+static ChiaroResult layouts(const ChiaroVulkan *context, ChiaroVulkanLayouts *out)
+{
     if (!context || !out || out->struct_size != sizeof *out)
         return CHIARO_ERROR_ARGUMENT;
-    out->lights = context->lights.count;
-    out->device_bytes = context->device_bytes;
-    out->gi_bytes = context->scene.gi_bytes;
-    out->dispatches = context->dispatches;
-    out->shadow_passes = context->shadow_passes;
-    out->updates = context->updates;
+    out->indirect = context->layouts.irradiance;
+    out->objects = context->layouts.objects;
+    out->lights = context->layouts.lights;
+    return CHIARO_OK;
+}
+
+static ChiaroResult sets(const ChiaroVulkan *context, ChiaroVulkanSets *out)
+{
+    if (!context || !out || out->struct_size != sizeof *out)
+        return CHIARO_ERROR_ARGUMENT;
+    out->indirect = chiaro_vulkan_gi(context) ? context->scene.irradiance_set : VK_NULL_HANDLE;
+    out->objects = chiaro_vulkan_object_gi(context) ? context->objects.set : VK_NULL_HANDLE;
+    out->lights = chiaro_vulkan_lights(context) > 0 ? context->lights.set : VK_NULL_HANDLE;
     return CHIARO_OK;
 }
 
@@ -470,6 +545,9 @@ const ChiaroVulkanApi *chiaro_vulkan_get_api(uint32_t version)
         .objects_unload = objects_unload,
         .object_show = object_show,
         .object_stats = object_stats,
+        .core = &chiaro_core_table,
+        .layouts = layouts,
+        .sets = sets,
     };
     return version >= 1 && version <= CHIARO_VULKAN_API_VERSION ? &api : NULL;
 }

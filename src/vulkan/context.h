@@ -9,6 +9,7 @@
  *   lights.c     lights, shadow views and maps
  *   sky.c        the sky behind the picture, in the leaves of the tree, and its sun
  *   objects.c    what moves: its places, its cubes, what it does to the static world
+ *   bounce.c     bounce light: the compute passes, whole or in slices
  *   record.c     update and draw
  *
  * Nothing here is global. Steps that build something keep their first failure in the arena, so that they read as a list.
@@ -111,6 +112,8 @@ void *chiaro_upload_image(ChiaroVulkan *context, Upload *upload, VkImage image, 
 
 /* A module of a shader of spirv/shaders.h; VK_NULL_HANDLE, with the failure in the arena, which does not own it. */
 VkShaderModule chiaro_shader_create(ChiaroVulkan *context, Arena *arena, uint32_t shader);
+/* The same of any words; `size` in bytes. */
+VkShaderModule chiaro_shader_module(ChiaroVulkan *context, Arena *arena, const uint32_t *words, uint64_t size);
 
 /* ---- pipelines.c -------------------------------------------------------------------------------------------------- */
 
@@ -119,7 +122,7 @@ enum { SURFACE_TEXTURED = 1, SURFACE_MASKED = 2, SURFACE_KINDS = 4 };
 /* Bits of what lights it: lights with shadows, bounce light, the sun of the sky (which is one of the lights), and objects
  * that stand in the way. */
 enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_SUN = 4, FORWARD_BLOCKED = 8, FORWARD_KINDS = 16 };
-enum { GI_SAMPLES_LIT, GI_SAMPLES_DARK, GI_TREE, GI_GATHER_SAMPLES, GI_GATHER_RECEIVERS, GI_PASSES };
+enum { GI_SAMPLES_LIT, GI_SAMPLES_DARK, GI_TREE, GI_GATHER_SAMPLES, GI_GATHER_RECEIVERS, GI_BLEND, GI_PASSES };
 enum { SHADOW_OPAQUE, SHADOW_MASKED, SHADOW_MASKED_TEXTURED, SHADOW_KINDS };
 
 typedef struct Pipeline {
@@ -169,7 +172,7 @@ typedef struct SceneState {
     DeviceBuffer vertices, indices, vertex_receivers;        /* what is drawn */
     DeviceBuffer shadow_vertices, shadow_uvs, shadow_indices; /* what casts shadows: the scene as it was given */
     DeviceBuffer samples, points, weights, sources, values, sample_blocks, sample_nodes, sample_weights, receiver_blocks,
-        receiver_nodes, receiver_weights, irradiance;
+        receiver_nodes, receiver_weights, irradiance, coming;
     VkDescriptorSet *texture_sets;
     VkDescriptorSet gi_set, irradiance_set;
     DrawPart *parts; /* sorted by surface */
@@ -273,12 +276,16 @@ typedef struct ObjectsState {
     uint32_t texels, words; /* of a cube */
     ShownObject *shown;
     CubeSlot *slots;
+    ChiaroGpuObject *placed; /* as the device has them */
     float *scales;     /* two a slot, as the device has them */
     float *colors;     /* two cubes a slot */
     uint32_t *painted; /* slots that the last update painted */
     uint32_t *encoded; /* two cubes */
     uint32_t *cells;   /* of the grid of blockers, as the device has them */
     uint32_t painted_count, fading;
+    uint64_t moves; /* of the world, when its objects were looked at last */
+    bool show_changed, blockers_due;
+    uint32_t painted_room;
     uint64_t upload_bytes, bytes, revision;
     bool info_written, grid_written;
     float grid_low[3], grid_high[3]; /* of what is written */
@@ -296,11 +303,31 @@ ChiaroResult chiaro_objects_show(ChiaroVulkan *context, uint32_t id, uint32_t me
 void chiaro_objects_stats(const ChiaroVulkan *context, ChiaroVulkanObjectStats *stats);
 /* Tells the world which sky there is. */
 ChiaroResult chiaro_objects_sky(ChiaroVulkan *context);
-void chiaro_objects_update(ChiaroVulkan *context, VkCommandBuffer commands, uint64_t completed);
+void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info);
 /* True if objects may darken some of a part. */
 bool chiaro_objects_near(const ChiaroVulkan *context, const DrawPart *part);
 /* Copies the values of the nodes for the host, if they have changed. */
 void chiaro_objects_read_back(ChiaroVulkan *context, VkCommandBuffer commands);
+
+/* ---- bounce.c ----------------------------------------------------------------------------------------------------- */
+
+typedef struct BounceState {
+    ChiaroKernel *kernel; /* one item: the pass */
+    void *memory;
+    uint32_t stage, cursor; /* of the pass; work group */
+    uint32_t sliced;        /* 1: its receivers go to the second buffer */
+    uint32_t fade_left;     /* frames */
+    uint32_t units;         /* of the last update, thousands of multiply-adds */
+    uint64_t began, shown;  /* frames: of the pass under way; of the one that is shown */
+} BounceState;
+
+ChiaroResult chiaro_bounce_create(ChiaroVulkan *context);
+/* Something is recorded in the next update, changed or not. */
+bool chiaro_bounce_busy(const ChiaroVulkan *context);
+/* Whatever is under way is forgotten. */
+void chiaro_bounce_reset(ChiaroVulkan *context);
+void chiaro_bounce_record(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroVulkanUpdate *info);
+void chiaro_bounce_stats(const ChiaroVulkan *context, ChiaroVulkanStats *stats);
 
 /* ---- record.c ----------------------------------------------------------------------------------------------------- */
 
@@ -309,7 +336,7 @@ void chiaro_record_barrier(ChiaroVulkan *context, VkCommandBuffer commands, VkPi
 /* Any number of bytes, a multiple of four, from the host's memory into a buffer. */
 void chiaro_record_write(ChiaroVulkan *context, VkCommandBuffer commands, DeviceBuffer buffer, uint64_t offset,
                          const void *data, uint64_t size);
-void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands);
+void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroVulkanUpdate *info);
 void chiaro_record_draw(ChiaroVulkan *context, const ChiaroVulkanDraw *draw);
 
 /* ---- the context -------------------------------------------------------------------------------------------------- */
@@ -328,16 +355,21 @@ struct ChiaroVulkan {
     LightState lights;
     SkyState sky;
     ObjectsState objects;
+    BounceState bounce;
     Arena *forward_arena; /* pipelines that settings are compiled into */
     Arena *pipeline_arena; /* the others */
     Pipeline forward[FORWARD_KINDS][SURFACE_KINDS], forward_objects[FORWARD_KINDS][SURFACE_KINDS];
     Pipeline sky_background, gi[GI_PASSES], shadow[SHADOW_KINDS];
     bool gi_changed; /* something that bounce light depends on has changed since the last update */
-    uint32_t dispatches, shadow_passes;
-    uint64_t updates;
+    uint32_t *sample_code; /* the host's */
+    uint32_t dispatches, shadow_passes, tasks, microseconds, objects_microseconds; /* of the last update */
+    uint64_t update_began; /* nanoseconds */
+    uint64_t updates, upload_bytes;
 };
 
 bool chiaro_functions_load(ChiaroVulkan *context);
+/* By the host's clock, which told `since`; 0 without one. */
+uint32_t chiaro_vulkan_microseconds(const ChiaroVulkan *context, uint64_t since);
 
 /* Bounce light is wanted, possible, and not black. */
 static inline bool chiaro_vulkan_gi(const ChiaroVulkan *context)
@@ -365,6 +397,9 @@ static inline uint32_t chiaro_vulkan_lights(const ChiaroVulkan *context)
 {
     return context->scene.arena ? context->lights.count + chiaro_vulkan_sun(context) : 0;
 }
+
+/* Chiaro draws the shadow maps that its samples ask; without them the host's own test does. */
+static inline bool chiaro_vulkan_own_shadows(const ChiaroVulkan *context) { return !context->desc.sample_code; }
 
 /* Objects have cubes. */
 static inline bool chiaro_vulkan_object_gi(const ChiaroVulkan *context)

@@ -169,8 +169,9 @@ static ChiaroResult create_maps(ChiaroVulkan *context, uint32_t faces, uint32_t 
     /* A kind that no light has borrows the other's image: it is bound, never read. */
     chiaro_set_buffer(context, set, 0, buffer);
     for (uint32_t i = 0; i < 2; i++)
-        chiaro_set_image(context, set, 1 + i, views[i] ? views[i] : views[1 - i], context->layouts.point,
-                         VK_IMAGE_LAYOUT_DEPTH_STENCIL_READ_ONLY_OPTIMAL);
+        if (views[i] || views[1 - i])
+            chiaro_set_image(context, set, 1 + i, views[i] ? views[i] : views[1 - i], context->layouts.point,
+                             VK_IMAGE_LAYOUT_DEPTH_STENCIL_READ_ONLY_OPTIMAL);
     chiaro_lights_release(context);
     state->arena = arena;
     state->framebuffers = framebuffers;
@@ -201,8 +202,8 @@ ChiaroResult chiaro_lights_prepare(ChiaroVulkan *context)
         pack_light(context, light, six ? 6 * faces : wides, &packed[i]);
         if (light == &context->sky.sun)
             packed[i].cone[0] = tanf(context->sky.sun_radius);
-        faces += six;
-        wides += !six;
+        faces += six && chiaro_vulkan_own_shadows(context);
+        wides += !six && chiaro_vulkan_own_shadows(context);
     }
     if (!state->arena || faces > state->face_capacity || wides > state->wide_capacity) {
         uint32_t more_faces = faces > state->face_capacity ? faces : state->face_capacity;

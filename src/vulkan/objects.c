@@ -19,14 +19,6 @@
 enum { DEFAULT_CUBES = 8, SHORTEST_FADE = 4, LONGEST_FADE = 64 };
 
 /* At most: see sort_cells. */
-_Static_assert(CHIARO_GPU_WITHOUT_CAVITY == CHIARO_WITHOUT_CAVITY &&
-                   CHIARO_GPU_WITHOUT_BENT_NORMALS == CHIARO_WITHOUT_BENT_NORMALS,
-               "ideas of forward_vertex.glsl");
-_Static_assert((int)CHIARO_WORLD_WITHOUT_NEIGHBOURS == (int)CHIARO_WITHOUT_NEIGHBOURS &&
-                   (int)CHIARO_WORLD_WITHOUT_SKIN == (int)CHIARO_WITHOUT_SKIN &&
-                   (int)CHIARO_WORLD_WITHOUT_SMOOTHING == (int)CHIARO_WITHOUT_SMOOTHING,
-               "ideas of the world");
-
 enum { CELL_WORDS = CHIARO_MAX_WORLD_CELLS * (CHIARO_MAX_CELL_BLOCKERS + 2) + 1 };
 
 /* The light of the static scene follows objects' shadows this often, in frames: illumination may be late. */
@@ -40,6 +32,14 @@ _Static_assert(sizeof(ChiaroObjectVertex) == 36, "vertex input of objects");
 _Static_assert(CHIARO_GPU_CUBE_UNORM8 == CHIARO_CUBE_UNORM8 && CHIARO_GPU_CUBE_HALF == CHIARO_CUBE_HALF &&
                    CHIARO_GPU_CUBE_SHARED == CHIARO_CUBE_SHARED_EXPONENT,
                "formats of chiaro.glsl");
+
+_Static_assert(CHIARO_GPU_WITHOUT_CAVITY == CHIARO_WITHOUT_CAVITY &&
+                   CHIARO_GPU_WITHOUT_BENT_NORMALS == CHIARO_WITHOUT_BENT_NORMALS,
+               "ideas of forward_vertex.glsl");
+_Static_assert((int)CHIARO_WORLD_WITHOUT_NEIGHBOURS == (int)CHIARO_WITHOUT_NEIGHBOURS &&
+                   (int)CHIARO_WORLD_WITHOUT_SKIN == (int)CHIARO_WITHOUT_SKIN &&
+                   (int)CHIARO_WORLD_WITHOUT_SMOOTHING == (int)CHIARO_WITHOUT_SMOOTHING,
+               "ideas of the world");
 
 /* ---- loading ------------------------------------------------------------------------------------------------------ */
 
@@ -97,10 +97,12 @@ static ChiaroResult create_lists(ChiaroVulkan *context, const ChiaroVulkanObject
     state->slots = chiaro_vulkan_alloc(context, state->slot_count, sizeof *state->slots);
     state->scales = chiaro_vulkan_alloc(context, state->slot_count, 2 * sizeof(float));
     state->colors = chiaro_vulkan_alloc(context, 8 * (size_t)state->slot_count, state->texels * sizeof(float));
-    state->painted = chiaro_vulkan_alloc(context, state->slot_count + CHIARO_MAX_OBJECT_PARTS, sizeof(uint32_t));
+    state->placed = chiaro_vulkan_alloc(context, state->capacity, sizeof *state->placed);
+    state->painted_room = state->slot_count + state->cubes + CHIARO_MAX_OBJECT_PARTS;
+    state->painted = chiaro_vulkan_alloc(context, state->painted_room, sizeof(uint32_t));
     state->encoded = chiaro_vulkan_alloc(context, 2 * (size_t)state->words, sizeof(uint32_t));
     state->cells = chiaro_vulkan_alloc(context, CELL_WORDS, sizeof(uint32_t));
-    if (!state->cells || !state->meshes_by_number || !state->shown || !state->slots || !state->scales ||
+    if (!state->cells || !state->placed || !state->meshes_by_number || !state->shown || !state->slots || !state->scales ||
         !state->colors || !state->painted || !state->encoded)
         return CHIARO_ERROR_MEMORY;
     for (uint32_t i = 0; i < state->capacity; i++)
@@ -240,7 +242,7 @@ void chiaro_objects_release(ChiaroVulkan *context)
     chiaro_arena_retire(context, &state->arena);
     chiaro_arena_retire(context, &state->read_arena);
     void *lists[] = {state->meshes_by_number, state->shown, state->slots, state->scales,
-                     state->colors,           state->painted, state->encoded, state->cells};
+                     state->placed, state->colors,  state->painted, state->encoded, state->cells};
     for (uint32_t i = 0; i < sizeof lists / sizeof *lists; i++)
         chiaro_vulkan_free(context, lists[i]);
     memset(state, 0, sizeof *state);
@@ -373,6 +375,9 @@ static void follow_objects(ChiaroVulkan *context, VkCommandBuffer commands)
 {
     ObjectsState *state = &context->objects;
     bool grew = false;
+    uint32_t first = CHIARO_NONE, end = 0;
+    state->moves = chiaro_world_moves(state->world);
+    state->show_changed = false;
     for (uint32_t id = 0; id < state->capacity; id++) {
         ShownObject *shown = &state->shown[id];
         ChiaroObjectState object;
@@ -389,15 +394,25 @@ static void follow_objects(ChiaroVulkan *context, VkCommandBuffer commands)
             shown->mesh = CHIARO_NONE;
             continue;
         }
-        ChiaroGpuObject gpu;
         shown->slot = object.first_slot;
-        take_place(shown, &object, &gpu);
+        take_place(shown, &object, &state->placed[id]);
         grew |= grow_bounds(context, shown);
         touch_lights(context, shown);
-        chiaro_record_write(context, commands, state->instances, id * sizeof gpu, &gpu, sizeof gpu);
+        first = first == CHIARO_NONE ? id : first;
+        end = id + 1;
     }
+    /* One write is cheaper than many, even of what has not moved. */
+    if (first != CHIARO_NONE)
+        chiaro_record_write(context, commands, state->instances, first * sizeof *state->placed, state->placed + first,
+                            (end - first) * sizeof *state->placed);
     if (grew) /* as many lights as before: nothing is made */
         chiaro_lights_prepare(context);
+}
+
+/* The light of the static scene does not follow every step of a shadow. */
+static void follow_shadows(ChiaroVulkan *context)
+{
+    ObjectsState *state = &context->objects;
     if (state->shadow_moved && context->frame >= state->shadow_frame + SHADOW_INTERVAL) {
         state->shadow_frame = context->frame;
         state->shadow_moved = false;
@@ -434,7 +449,8 @@ static void take_cube(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t 
     }
     uint64_t interval = context->frame - slot->start;
     interval = interval < SHORTEST_FADE ? SHORTEST_FADE : interval;
-    slot->length = new || chiaro_vulkan_without(context, CHIARO_WITHOUT_FADES) ? 0 : interval < LONGEST_FADE ? (uint32_t)interval : LONGEST_FADE;
+    bool at_once = new || chiaro_vulkan_without(context, CHIARO_WITHOUT_FADES);
+    slot->length = at_once ? 0 : interval < LONGEST_FADE ? (uint32_t)interval : LONGEST_FADE;
     slot->start = context->frame;
     slot->id = cube.id;
     slot->part = cube.part;
@@ -512,10 +528,13 @@ static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands)
     ObjectsState *state = &context->objects;
     ChiaroWorldBlockers b;
     chiaro_world_blockers(state->world, &b);
-    if (state->grid_written && b.revision == state->revision)
+    if (state->grid_written && b.revision == state->revision) {
+        state->blockers_due = false;
         return;
+    }
     state->revision = b.revision;
     state->grid_written = true;
+    state->blockers_due = false;
     ChiaroGpuGrid grid = {.low = {b.low[0], b.low[1], b.low[2], b.size > 0 ? 1 / b.size : 0}};
     memset(state->grid_low, 0, sizeof state->grid_low);
     memset(state->grid_high, 0, sizeof state->grid_high);
@@ -545,23 +564,55 @@ bool chiaro_objects_near(const ChiaroVulkan *context, const DrawPart *part)
 
 /* ---- the frame ---------------------------------------------------------------------------------------------------- */
 
-void chiaro_objects_update(ChiaroVulkan *context, VkCommandBuffer commands, uint64_t completed)
+/* The share of the world's work: by the host's budget, or so many cubes. */
+static void run_world(ChiaroVulkan *context, const ChiaroVulkanUpdate *info)
 {
     ObjectsState *state = &context->objects;
-    if (!state->arena)
+    ChiaroKernelStats stats = {.struct_size = sizeof stats};
+    chiaro_world_without(state->world, context->settings.without);
+    if (info->has_eye)
+        chiaro_world_eye(state->world, info->eye, info->forward);
+    if (info->budget.microseconds || info->budget.units)
+        state->painted_count =
+            chiaro_world_run(state->world, info->budget, chiaro_vulkan_microseconds(context, context->update_began),
+                             state->painted, state->painted_room);
+    else
+        state->painted_count = chiaro_world_update(state->world, state->cubes, state->painted);
+    if (chiaro_kernel_stats(chiaro_world_kernel(state->world), &stats) == CHIARO_OK)
+        context->tasks += stats.done;
+}
+
+/* Nothing is there to do, and nothing is recorded. */
+static bool is_idle(const ChiaroVulkan *context)
+{
+    const ObjectsState *state = &context->objects;
+    if (state->show_changed || state->shadow_moved || state->moves != chiaro_world_moves(state->world))
+        return false;
+    return !chiaro_vulkan_object_gi(context) ||
+           (state->info_written && state->fading == 0 && !state->light_due && state->read_frame == 0 &&
+            chiaro_world_settled(state->world) && !state->blockers_due);
+}
+
+void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info)
+{
+    ObjectsState *state = &context->objects;
+    VkCommandBuffer commands = info->command_buffer;
+    state->painted_count = 0;
+    state->upload_bytes = 0;
+    if (!state->arena || is_idle(context))
         return;
     /* The frames before may still read what is written now. */
     chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT,
                           0, VK_PIPELINE_STAGE_TRANSFER_BIT, 0);
-    follow_objects(context, commands);
-    state->painted_count = 0;
-    state->upload_bytes = 0;
+    if (state->show_changed || state->moves != chiaro_world_moves(state->world)) {
+        follow_objects(context, commands);
+        state->blockers_due = true;
+    }
+    follow_shadows(context);
     if (chiaro_vulkan_object_gi(context)) {
-        take_light(context, completed);
-        chiaro_world_without(state->world, context->settings.without);
-        uint32_t cubes = context->settings.cubes ? context->settings.cubes : state->cubes;
-        cubes = cubes < state->slot_count ? cubes : state->slot_count;
-        state->painted_count = chiaro_world_update(state->world, cubes, state->painted);
+        take_light(context, info->completed_frame);
+        run_world(context, info);
+        state->blockers_due = state->blockers_due || state->painted_count > 0;
         for (uint32_t i = 0; i < state->painted_count; i++)
             take_cube(context, commands, state->painted[i]);
         fade_cubes(context, commands);
@@ -578,6 +629,7 @@ ChiaroResult chiaro_objects_show(ChiaroVulkan *context, uint32_t id, uint32_t me
     if (!state->arena || id >= state->capacity || (mesh != CHIARO_NONE && mesh >= state->mesh_count))
         return CHIARO_ERROR_ARGUMENT;
     state->shown[id].mesh = mesh;
+    state->show_changed = true;
     return CHIARO_OK;
 }
 

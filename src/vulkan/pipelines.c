@@ -74,20 +74,16 @@ ChiaroResult chiaro_layouts_create(ChiaroVulkan *context)
     Arena *arena = context->layouts.arena = chiaro_arena_create(context);
     if (!arena)
         return CHIARO_ERROR_MEMORY;
-    enum { GI_BINDINGS = 12 };
+    enum { GI_BINDINGS = 13 };
     const VkShaderStageFlags fragment = VK_SHADER_STAGE_FRAGMENT_BIT, compute = VK_SHADER_STAGE_COMPUTE_BIT;
+    const VkShaderStageFlags any = VK_SHADER_STAGE_VERTEX_BIT | fragment | compute; /* hosts bind them too */
     const VkDescriptorType buffer = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, image = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER;
-    VkDescriptorSetLayoutBinding lights[] = {{0, buffer, 1, fragment | compute, NULL},
-                                             {1, image, 1, fragment | compute, NULL},
-                                             {2, image, 1, fragment | compute, NULL}};
+    VkDescriptorSetLayoutBinding lights[] = {{0, buffer, 1, any, NULL}, {1, image, 1, any, NULL}, {2, image, 1, any, NULL}};
     VkDescriptorSetLayoutBinding textures[] = {{0, image, 1, fragment, NULL}, {1, image, 1, fragment, NULL}};
-    VkDescriptorSetLayoutBinding irradiance[] = {{0, buffer, 1, VK_SHADER_STAGE_VERTEX_BIT, NULL}};
-    VkDescriptorSetLayoutBinding objects[OBJECT_BINDINGS] = {{0, buffer, 1, VK_SHADER_STAGE_VERTEX_BIT, NULL},
-                                                             {1, buffer, 1, VK_SHADER_STAGE_VERTEX_BIT, NULL},
-                                                             {2, buffer, 1, VK_SHADER_STAGE_VERTEX_BIT, NULL},
-                                                             {3, buffer, 1, fragment, NULL},
-                                                             {4, buffer, 1, fragment, NULL}};
-    VkDescriptorSetLayoutBinding gi[GI_BINDINGS];
+    VkDescriptorSetLayoutBinding irradiance[] = {{0, buffer, 1, any, NULL}};
+    VkDescriptorSetLayoutBinding objects[OBJECT_BINDINGS], gi[GI_BINDINGS];
+    for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
+        objects[i] = (VkDescriptorSetLayoutBinding){i, buffer, 1, any, NULL};
     for (uint32_t i = 0; i < GI_BINDINGS; i++)
         gi[i] = (VkDescriptorSetLayoutBinding){i, buffer, 1, compute, NULL};
     Layouts *layouts = &context->layouts;
@@ -433,12 +429,17 @@ static Pipeline create_gi(ChiaroVulkan *context, Arena *arena, uint32_t pass)
         [GI_SAMPLES_DARK] = SHADER_samples_dark_comp,
         [GI_TREE] = SHADER_tree_comp,
         [GI_GATHER_SAMPLES] = SHADER_gather_samples_comp,
-        [GI_GATHER_RECEIVERS] = SHADER_gather_receivers_comp};
-    VkDescriptorSetLayout sets[2] = {context->layouts.gi, context->layouts.lights};
-    Pipeline made = {create_layout(context, arena, pass == GI_SAMPLES_LIT ? 2 : 1, sets, VK_SHADER_STAGE_COMPUTE_BIT,
+        [GI_GATHER_RECEIVERS] = SHADER_gather_receivers_comp,
+        [GI_BLEND] = SHADER_blend_comp};
+    const ChiaroVulkanDesc *desc = &context->desc;
+    VkDescriptorSetLayout sets[3] = {context->layouts.gi, context->layouts.lights, desc->shadow_layout};
+    bool lit = pass == GI_SAMPLES_LIT;
+    Pipeline made = {create_layout(context, arena, !lit ? 1 : desc->shadow_layout ? 3 : 2, sets, VK_SHADER_STAGE_COMPUTE_BIT,
                                    sizeof(ChiaroComputePush)),
                      VK_NULL_HANDLE};
-    VkShaderModule module = chiaro_shader_create(context, arena, shaders[pass]);
+    VkShaderModule module = lit && desc->sample_code
+                                ? chiaro_shader_module(context, arena, desc->sample_code, desc->sample_code_size)
+                                : chiaro_shader_create(context, arena, shaders[pass]);
     VkComputePipelineCreateInfo info = {.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO,
                                         .stage = {.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
                                                   .stage = VK_SHADER_STAGE_COMPUTE_BIT,
@@ -494,7 +495,7 @@ ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
     uint32_t apart = lighting & ~(uint32_t)FORWARD_BLOCKED; /* parts of the scene that no object is near */
     uint32_t direct = context->settings.direct_too ? chiaro_direct_lighting(context) : lighting;
     uint32_t direct_objects = context->settings.direct_too ? direct : object_lighting;
-    for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++) {
+    for (uint32_t kind = 0; kind < SURFACE_KINDS && !context->desc.light_only; kind++) {
         prepare_forward(context, lighting, kind, false);
         prepare_forward(context, apart, kind, false);
         prepare_forward(context, direct, kind, false);
@@ -503,11 +504,12 @@ ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
     }
     if (chiaro_vulkan_background(context) && !context->sky_background.pipeline)
         context->sky_background = create_background(context, context->forward_arena);
-    for (uint32_t kind = 0; lit && kind < SHADOW_KINDS; kind++)
+    for (uint32_t kind = 0; lit && chiaro_vulkan_own_shadows(context) && kind < SHADOW_KINDS; kind++)
         if ((shadows >> kind & 1) && !context->shadow[kind].pipeline)
             context->shadow[kind] = create_shadow(context, context->pipeline_arena, kind);
     for (uint32_t pass = 0; gi && pass < GI_PASSES; pass++)
-        if (pass != (lit ? GI_SAMPLES_DARK : GI_SAMPLES_LIT) && !context->gi[pass].pipeline)
+        if (pass != (lit ? GI_SAMPLES_DARK : GI_SAMPLES_LIT) && (pass != GI_BLEND || context->desc.sliced) &&
+            !context->gi[pass].pipeline)
             context->gi[pass] = create_gi(context, context->pipeline_arena, pass);
     ChiaroResult forward = take_result(context->forward_arena), other = take_result(context->pipeline_arena);
     return forward != CHIARO_OK ? forward : other;

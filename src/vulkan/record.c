@@ -1,8 +1,7 @@
 /* The frame: what update() and draw() record. Nothing here allocates or creates.
  *
- * update: shadow maps -> direct light at samples -> tree -> bounces at samples -> tree -> irradiance at receivers.
- * Every pass is recorded only if something it depends on has changed. A pipeline that could not be made (the host was told
- * so) is left out.
+ * update: lights and sky -> shadow maps -> bounce light (bounce.c). Every pass is recorded only if something it depends on
+ * has changed. A pipeline that could not be made (the host was told so) is left out.
  */
 #include "context.h"
 
@@ -194,7 +193,7 @@ static void record_shadow_maps(ChiaroVulkan *context, VkCommandBuffer commands)
     }
 }
 
-/* ---- bounce light ------------------------------------------------------------------------------------------------- */
+/* ---- small things ------------------------------------------------------------------------------------------------- */
 
 void chiaro_record_barrier(ChiaroVulkan *context, VkCommandBuffer commands, VkPipelineStageFlags from,
                            VkAccessFlags writes, VkPipelineStageFlags to, VkAccessFlags accesses)
@@ -204,62 +203,13 @@ void chiaro_record_barrier(ChiaroVulkan *context, VkCommandBuffer commands, VkPi
     context->vk.CmdPipelineBarrier(commands, from, to, 0, 1, &memory, 0, NULL, 0, NULL);
 }
 
-static void dispatch(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t pass, uint32_t count,
-                     const ChiaroComputePush *push)
-{
-    const VulkanFunctions *vk = &context->vk;
-    const Pipeline *pipeline = &context->gi[pass];
-    if (count == 0 || !pipeline->pipeline)
-        return;
-    const VkDescriptorSet sets[2] = {context->scene.gi_set, context->lights.set};
-    vk->CmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline->pipeline);
-    vk->CmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline->layout, 0,
-                              pass == GI_SAMPLES_LIT ? 2 : 1, sets, 0, NULL);
-    vk->CmdPushConstants(commands, pipeline->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof *push, push);
-    vk->CmdDispatch(commands, (count + CHIARO_GROUP_SIZE - 1) / CHIARO_GROUP_SIZE, 1, 1);
-    chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT,
-            VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT);
-    context->dispatches++;
-}
-
-/* Inner nodes of one half of the values. */
-static void record_tree(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t half)
-{
-    const ChiaroTransport *t = &context->scene.transport;
-    uint32_t small = t->small_node_end - t->leaf_count, large = t->node_count - t->small_node_end;
-    ChiaroComputePush push = {.range = {t->leaf_count, small, half}};
-    dispatch(context, commands, GI_TREE, small, &push);
-    push.range[0] = t->small_node_end;
-    push.range[1] = large;
-    dispatch(context, commands, GI_TREE, large, &push);
-}
-
-static void record_gi(ChiaroVulkan *context, VkCommandBuffer commands)
-{
-    const ChiaroTransport *t = &context->scene.transport;
-    uint32_t lit = chiaro_vulkan_lights(context) > 0 ? GI_SAMPLES_LIT : GI_SAMPLES_DARK;
-    ChiaroComputePush samples = {.range = {0, t->sample_count}};
-    dispatch(context, commands, lit, t->sample_count, &samples);
-    record_tree(context, commands, 0);
-    bool bounce = !chiaro_vulkan_without(context, CHIARO_WITHOUT_BOUNCES);
-    ChiaroComputePush bounces = {.range = {0, t->sample_links.block_count, 0, t->node_count},
-                                 .more = {t->sample_count, t->leaf_count}};
-    if (bounce) {
-        dispatch(context, commands, GI_GATHER_SAMPLES, t->sample_links.block_count * CHIARO_GROUP_SIZE + t->sky_count,
-                 &bounces);
-        record_tree(context, commands, t->node_count);
-    }
-    ChiaroComputePush receivers = {.range = {0, t->receiver_links.block_count, bounce ? t->node_count : 0}};
-    if (!chiaro_vulkan_without(context, CHIARO_WITHOUT_LINKS))
-        dispatch(context, commands, GI_GATHER_RECEIVERS, t->receiver_links.block_count * CHIARO_GROUP_SIZE, &receivers);
-}
-
 /* ---- update ------------------------------------------------------------------------------------------------------- */
 
 /* vkCmdUpdateBuffer takes at most 65536 bytes at a time. */
 void chiaro_record_write(ChiaroVulkan *context, VkCommandBuffer commands, DeviceBuffer buffer, uint64_t offset,
                          const void *data, uint64_t size)
 {
+    context->upload_bytes += size;
     for (uint64_t done = 0; done < size; done += 65536) {
         uint64_t piece = size - done < 65536 ? size - done : 65536;
         context->vk.CmdUpdateBuffer(commands, buffer.buffer, offset + done, piece, (const char *)data + done);
@@ -293,12 +243,12 @@ static void fill_sky_image(ChiaroVulkan *context, VkCommandBuffer commands)
     chiaro_arena_retire(context, &sky->upload.arena);
 }
 
-void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands)
+void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroVulkanUpdate *info)
 {
     bool lit = chiaro_vulkan_lights(context) > 0, gi = chiaro_vulkan_gi(context);
     bool lights = lit && context->lights.changed, leaves = gi && context->sky.changed;
-    bool bounce = gi && context->gi_changed;
-    context->dispatches = context->shadow_passes = 0;
+    bool bounce = gi && (context->gi_changed || chiaro_bounce_busy(context));
+    context->dispatches = context->shadow_passes = context->bounce.units = 0;
     if (context->sky.upload.arena)
         fill_sky_image(context, commands);
     if (lights || leaves || bounce) {
@@ -316,18 +266,17 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands)
                 VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT);
         context->updates++;
     }
-    if (lights)
+    if (lights && chiaro_vulkan_own_shadows(context))
         record_shadow_maps(context, commands);
     if (bounce) {
-        record_gi(context, commands);
+        chiaro_bounce_record(context, commands, info);
         chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT,
-                VK_PIPELINE_STAGE_VERTEX_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT);
+                VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT);
     }
-    if (gi)
+    if (gi && !chiaro_bounce_busy(context))
         chiaro_objects_read_back(context, commands);
     context->lights.changed &= !lit;
     context->sky.changed &= !gi;
-    context->gi_changed &= !gi;
 }
 
 /* ---- draw --------------------------------------------------------------------------------------------------------- */

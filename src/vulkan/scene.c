@@ -157,10 +157,14 @@ static void create_mesh(ChiaroVulkan *context, SceneState *state, const ChiaroTr
     const VkBufferUsageFlags vertex = VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | copied;
     const VkBufferUsageFlags index = VK_BUFFER_USAGE_INDEX_BUFFER_BIT | copied;
     uint64_t *bytes = &state->mesh_bytes;
-    state->vertices = chiaro_arena_buffer(context, state->arena, sizeof(ChiaroVertex) * (uint64_t)transport->vertex_count,
-                                          vertex, false, bytes);
-    state->indices = chiaro_arena_buffer(context, state->arena, 4 * (uint64_t)transport->index_count, index, false,
-                                         bytes);
+    if (!context->desc.light_only) {
+        state->vertices = chiaro_arena_buffer(
+            context, state->arena, sizeof(ChiaroVertex) * (uint64_t)transport->vertex_count, vertex, false, bytes);
+        state->indices = chiaro_arena_buffer(context, state->arena, 4 * (uint64_t)transport->index_count, index, false,
+                                             bytes);
+    }
+    if (!chiaro_vulkan_own_shadows(context))
+        return;
     state->shadow_vertices =
         chiaro_arena_buffer(context, state->arena, 12 * (uint64_t)scene->vertex_count, vertex, false, bytes);
     state->shadow_indices =
@@ -193,13 +197,20 @@ static void create_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTran
         {&state->receiver_nodes, transport->receiver_links.node_count * sizeof(uint32_t), usage},
         {&state->receiver_weights, transport->receiver_links.weight_count * sizeof(float), usage},
         {&state->irradiance, receivers * 16, usage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT},
+        {&state->coming, receivers * 16, usage},
         {&state->vertex_receivers, transport->vertex_count * sizeof(uint32_t),
          VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT},
     };
-    const uint32_t bindings = 12;
-    for (uint32_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++)
+    const uint32_t bindings = 13;
+    for (uint32_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++) {
+        if ((wanted[i].buffer == &state->coming && !context->desc.sliced) ||
+            (wanted[i].buffer == &state->vertex_receivers && context->desc.light_only))
+            continue;
         *wanted[i].buffer =
             chiaro_arena_buffer(context, arena, wanted[i].size, wanted[i].usage, false, &state->gi_bytes);
+    }
+    if (!context->desc.sliced) /* it is bound, never used */
+        state->coming = state->irradiance;
     chiaro_arena_bind(context, arena);
     VkDescriptorPool pool = chiaro_pool_create(context, arena, 2, bindings + 1, 0);
     state->gi_set = chiaro_set_create(context, arena, pool, context->layouts.gi);
@@ -221,6 +232,8 @@ static void fill_mesh(ChiaroVulkan *context, SceneState *state, const ChiaroTran
     const ChiaroScene *scene = &transport->scene;
     put(context, upload, state->vertices, transport->vertices);
     put(context, upload, state->indices, transport->indices);
+    if (!state->shadow_vertices.buffer)
+        return;
     put(context, upload, state->shadow_indices, scene->indices);
     float *positions = chiaro_upload_buffer(context, upload, state->shadow_vertices);
     for (uint32_t i = 0; i < scene->vertex_count; i++)
@@ -316,9 +329,12 @@ static ChiaroResult upload_scene(ChiaroVulkan *context, SceneState *state, const
     if (result != CHIARO_OK)
         return result;
     create_mesh(context, state, transport);
-    uint64_t staging = create_textures(context, state, scene, images);
+    bool textured = !context->desc.light_only ||
+                    (chiaro_vulkan_own_shadows(context) && (state->shadows >> SHADOW_MASKED_TEXTURED & 1));
+    uint64_t staging = textured ? create_textures(context, state, scene, images) : 0;
     chiaro_arena_bind(context, state->arena);
-    create_texture_sets(context, state, scene, images);
+    if (textured)
+        create_texture_sets(context, state, scene, images);
     if (state->arena->result != CHIARO_OK)
         return state->arena->result;
     if (!context->settings.gi_off && has_transport(transport)) {

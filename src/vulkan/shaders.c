@@ -27,24 +27,32 @@ static void unpack(uint32_t *words, uint32_t end)
     }
 }
 
-VkShaderModule chiaro_shader_create(ChiaroVulkan *context, Arena *arena, uint32_t shader)
+VkShaderModule chiaro_shader_module(ChiaroVulkan *context, Arena *arena, const uint32_t *words, uint64_t size)
 {
     VkShaderModule module = VK_NULL_HANDLE;
-    uint32_t *words = arena->result == CHIARO_OK
-                          ? chiaro_vulkan_alloc(context, shader_first[shader + 1], sizeof *words)
-                          : NULL;
-    if (!words) {
-        arena->result = arena->result == CHIARO_OK ? CHIARO_ERROR_MEMORY : arena->result;
+    if (arena->result != CHIARO_OK)
         return module;
-    }
-    unpack(words, shader_first[shader + 1]);
-    VkShaderModuleCreateInfo info = {.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO,
-                                     .codeSize = sizeof *words * (shader_first[shader + 1] - shader_first[shader]),
-                                     .pCode = words + shader_first[shader]};
+    VkShaderModuleCreateInfo info = {
+        .sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, .codeSize = (size_t)size, .pCode = words};
     VkResult result =
         context->vk.CreateShaderModule(context->desc.device, &info, context->desc.allocation_callbacks, &module);
     if (result != VK_SUCCESS)
         arena->result = chiaro_vulkan_check(context, result, "vkCreateShaderModule");
+    return module;
+}
+
+VkShaderModule chiaro_shader_create(ChiaroVulkan *context, Arena *arena, uint32_t shader)
+{
+    if (arena->result != CHIARO_OK)
+        return VK_NULL_HANDLE;
+    uint32_t first = shader_first[shader], end = shader_first[shader + 1];
+    uint32_t *words = chiaro_vulkan_alloc(context, end, sizeof *words);
+    if (!words) {
+        arena->result = CHIARO_ERROR_MEMORY;
+        return VK_NULL_HANDLE;
+    }
+    unpack(words, end);
+    VkShaderModule module = chiaro_shader_module(context, arena, words + first, sizeof *words * (end - first));
     chiaro_vulkan_free(context, words);
     return module;
 }

@@ -1,4 +1,6 @@
-/* Chiaro for Vulkan: records shadow maps, sample lighting, gathers and a forward pass into the host's command buffers.
+/* FROZEN: version 2 of the table, as hosts have it that were built against it. Never to be changed (test_old_host.c).
+ *
+ * Chiaro for Vulkan: records shadow maps, sample lighting, gathers and a forward pass into the host's command buffers.
  *
  * The one exported symbol is chiaro_vulkan_get_api(). Everything else is reached through the table that it returns.
  *
@@ -37,7 +39,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "chiaro_world.h"
+#include "chiaro/chiaro_world.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -46,15 +46,20 @@ static inline Stage open_stage(HostDesc desc)
     return stage;
 }
 
-static inline void create_context(Stage *stage, const ChiaroAllocator *allocator)
+static inline void create_context_as(Stage *stage, ChiaroVulkanDesc desc)
 {
-    ChiaroVulkanDesc desc = host_chiaro_desc(&stage->host);
     desc.log.func = print_log;
-    if (allocator)
-        desc.allocator = *allocator;
     assert_int_equal(stage->api->create(&desc, &stage->chiaro), CHIARO_OK);
     stage->draw.viewport = (VkViewport){0, 0, SIZE, SIZE, 0, 1};
     stage->draw.scissor = (VkRect2D){{0, 0}, {SIZE, SIZE}};
+}
+
+static inline void create_context(Stage *stage, const ChiaroAllocator *allocator)
+{
+    ChiaroVulkanDesc desc = host_chiaro_desc(&stage->host);
+    if (allocator)
+        desc.allocator = *allocator;
+    create_context_as(stage, desc);
 }
 
 static inline void close_stage(Stage *stage)
@@ -94,7 +99,7 @@ static inline void update(Stage *stage)
 }
 
 /* A whole frame; the picture is the host's. */
-static const float *render(Stage *stage)
+static inline const float *render(Stage *stage)
 {
     must(stage, host_begin(&stage->host));
     update(stage);

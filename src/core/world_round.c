@@ -1,0 +1,315 @@
+/* Rounds: what the world does in a frame, and in which order (chiaro_world.h says what a round is).
+ *
+ * A round begins with what all its cubes share: poses are taken over, neighbour lists searched, blockers laid out. That
+ * is one item of the kernel, done in slices. Then each cube is an item. Since all of them see the world as it was when
+ * the round began, their order cannot be seen in what comes out, and urgency may choose it: what changed most, as large
+ * as it is on screen.
+ */
+#include "world.h"
+
+#include <string.h>
+
+/* How the beginning of a round goes. */
+enum { ROUND_NONE, ROUND_OBJECTS, ROUND_LISTS, ROUND_BLOCKERS, ROUND_PAINT };
+
+/* Kinds of items, as the kernel learns what they take; units of each, by measurement about a microsecond. */
+enum { KIND_PAINT = ROUND_PAINT, KIND_PAINT_STATIC, KIND_SHOWN };
+enum { PAINT_UNITS = 16, PAINT_STATIC_UNITS = 100, SLICE_UNITS = 8, OBJECTS_A_UNIT = 16, LISTS_A_UNIT = 1,
+       BLOCKERS_A_UNIT = 1 };
+
+/* What is not seen may wait, but does light what is. */
+static const float UNSEEN = 0.05f;
+/* A cube is taken to have changed by this share of its light when its object has moved by its own radius. */
+static const float BY_MOVING = 0.5f;
+
+void chiaro_world_stir(ChiaroWorld *world, bool blockers)
+{
+    world->changed = true;
+    world->moves += blockers;
+    if (blockers && !world->shown_stale)
+        world->blockers_stale = world->updates;
+    world->shown_stale = world->shown_stale || blockers;
+}
+
+void chiaro_world_forget(ChiaroWorld *world, uint32_t id)
+{
+    const Body *body = &world->bodies[id];
+    if (world->stage == ROUND_PAINT && body->present && !body->painted)
+        world->unpainted--;
+    chiaro_kernel_drop(world->kernel_of_rounds, id);
+}
+
+void chiaro_world_eye(ChiaroWorld *world, const float eye[3], const float forward[3])
+{
+    world->has_eye = eye && forward;
+    if (world->has_eye)
+        world->eye = vec3_load(eye), world->forward = vec3_load(forward);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * The beginning
+ */
+
+/* How the lists see a body: as bright as its root gives off light on average. */
+static ChiaroNeighbourObject neighbour_of(const ChiaroWorld *world, const Body *body)
+{
+    ChiaroNeighbourObject object = {.alive = body->present};
+    if (!body->present)
+        return object;
+    const float *axes = world->last.axes + 36 * (size_t)body->first_element;
+    float radius = body->pose.scale * body->object.radius, sum[3] = {0};
+    for (uint32_t i = 0; i < 18; i++)
+        sum[i % 3] += axes[i];
+    vec3_store(object.position, pose_point(&body->pose, vec3_load(body->object.center)));
+    object.radius = radius;
+    /* A ball of radiosity b sends b r^2 toward each of the six axes. */
+    float brightest = fmaxf(sum[0], fmaxf(sum[1], sum[2])) / 6;
+    object.brightness = body->object.radius > 0 ? brightest / (body->object.radius * body->object.radius) : 0;
+    return object;
+}
+
+/* What is left of the stage is due. The blockers are laid out at once. */
+static void ask_for_stage(ChiaroWorld *world)
+{
+    static const uint32_t a_unit[] = {1, OBJECTS_A_UNIT, LISTS_A_UNIT, BLOCKERS_A_UNIT};
+    uint32_t units = 1 + (world->body_end - world->cursor) / a_unit[world->stage];
+    chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_ROUND, world->stage, 1, units,
+                      world->stage == ROUND_BLOCKERS ? units : SLICE_UNITS);
+}
+
+static void enter_stage(ChiaroWorld *world, uint32_t stage)
+{
+    world->stage = stage, world->cursor = 0;
+    if (stage != ROUND_PAINT)
+        ask_for_stage(world);
+}
+
+static void begin_round(ChiaroWorld *world)
+{
+    if (world->light_comes) {
+        StaticLight done = world->light;
+        world->light = world->coming, world->coming = done;
+        world->light_comes = false;
+    }
+    world->without = world->without_next;
+    for (uint32_t n = 0; n < world->body_end; n++) {
+        Body *body = &world->bodies[n];
+        body->present = body->used, body->painted = false;
+        body->pose = body->now;
+    }
+    world->round_began = world->updates;
+    world->most_changed = world->most_changing, world->most_changing = 0;
+    world->tick = 0;
+    enter_stage(world, ROUND_OBJECTS);
+}
+
+/* Objects [first, first + count) of a tick of the lists, by the host's jobs. */
+typedef struct ListSlice {
+    ChiaroWorld *world;
+    uint32_t first, end;
+} ListSlice;
+
+enum { LISTS_A_JOB = 32 };
+
+static void search_lists(uint32_t index, void *data)
+{
+    const ListSlice *slice = data;
+    ChiaroWorld *world = slice->world;
+    uint32_t first = slice->first + index * LISTS_A_JOB, left = slice->end - first;
+    chiaro_neighbours_update(world->neighbours, world->neighbour_objects, world->body_end, first,
+                             left < LISTS_A_JOB ? left : LISTS_A_JOB);
+}
+
+static void search_slice(ChiaroWorld *world, uint32_t first, uint32_t end)
+{
+    const ChiaroJobs *jobs = &world->desc.jobs;
+    ListSlice slice = {world, first, end};
+    uint32_t count = (end - first + LISTS_A_JOB - 1) / LISTS_A_JOB;
+    if (jobs->parallel_for && count > 1) {
+        jobs->parallel_for(count, search_lists, &slice, jobs->user);
+        return;
+    }
+    for (uint32_t i = 0; i < count; i++)
+        search_lists(i, &slice);
+}
+
+/* How far ahead a body's cubes go: how much light changed, as large as it is seen; against the most that any did. */
+static float urgency_of(const ChiaroWorld *world, const Body *body)
+{
+    float radius = body->pose.scale * body->object.radius, score = body->changed, seen = 1;
+    if (world->has_eye) {
+        Vec3 way = vec3_sub(pose_point(&body->pose, vec3_load(body->object.center)), world->eye);
+        float square = fmaxf(vec3_dot(way, way), radius * radius);
+        seen = radius * radius / square * (vec3_dot(way, world->forward) > -radius ? 1 : UNSEEN);
+    }
+    score *= seen;
+    return world->most_changed > 0 ? fminf(1, score / world->most_changed) : 0;
+}
+
+static void begin_painting(ChiaroWorld *world)
+{
+    bool lit = world->root_count > 0;
+    enter_stage(world, ROUND_PAINT);
+    world->unpainted = 0;
+    for (uint32_t n = 0; n < world->body_end; n++) {
+        const Body *body = &world->bodies[n];
+        if (!body->present)
+            continue;
+        world->unpainted++;
+        chiaro_kernel_due(world->kernel_of_rounds, n, lit ? KIND_PAINT_STATIC : KIND_PAINT, urgency_of(world, body),
+                          body->object.part_count * (lit ? PAINT_STATIC_UNITS : PAINT_UNITS), 0);
+    }
+}
+
+/* A slice of the beginning. Objects that come meanwhile take part in the next round. */
+static void begin_slice(ChiaroWorld *world, uint32_t units)
+{
+    uint32_t end = world->body_end, more = units * (world->stage == ROUND_OBJECTS ? OBJECTS_A_UNIT : LISTS_A_UNIT);
+    uint32_t next = more < end - world->cursor ? world->cursor + more : end;
+    switch (world->stage) {
+    case ROUND_OBJECTS:
+        for (uint32_t n = world->cursor; n < next; n++)
+            world->neighbour_objects[n] = neighbour_of(world, &world->bodies[n]);
+        break;
+    case ROUND_LISTS: search_slice(world, world->cursor, next); break;
+    default:
+        next = end;
+        chiaro_blockers_build(world, &world->grid, false);
+    }
+    world->cursor = next;
+    if (next < end) {
+        ask_for_stage(world);
+        return;
+    }
+    chiaro_kernel_drop(world->kernel_of_rounds, world->desc.object_capacity + TASK_ROUND);
+    bool ticked = world->stage == ROUND_LISTS;
+    if (ticked)
+        chiaro_neighbours_end_tick(world->neighbours);
+    if (world->stage == ROUND_OBJECTS || (ticked && ++world->tick < WORLD_TICKS_A_ROUND))
+        enter_stage(world, ROUND_LISTS);
+    else if (ticked && world->root_count) /* they act on static surfaces only */
+        enter_stage(world, ROUND_BLOCKERS);
+    else
+        begin_painting(world);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Cubes
+ */
+
+static void publish(ChiaroWorld *world, Body *body)
+{
+    double change = 0, level = 0;
+    for (uint32_t slot = body->first_slot; slot < body->first_slot + body->object.part_count; slot++) {
+        size_t first = 4 * (size_t)slot * world->texel_count;
+        const float *texels = world->next.texels + first, *before = world->last.texels + first;
+        for (uint32_t i = 0; i < 4 * world->texel_count; i++) {
+            bool color = i % 4 < 3;
+            change += color ? fabs((double)texels[i] - (double)before[i]) : 0;
+            level += color ? fabs((double)texels[i]) : 0;
+        }
+        /* The format was checked when the world was made. */
+        (void)chiaro_cube_encode((ChiaroCubeFormat)world->desc.format, texels, world->texel_count,
+                                 world->encoded + slot * world->encoded_bytes, &world->scales[slot]);
+        world->slot_painted[slot] = true;
+    }
+    float radius = body->pose.scale * body->object.radius, share = BY_MOVING * body->moved / (body->moved + radius);
+    body->changed = (float)(change + (double)share * level) / (float)(body->object.part_count * world->texel_count);
+    body->moved = 0;
+    body->shown = world->round_began;
+    world->most_changing = fmaxf(world->most_changing, body->changed);
+}
+
+static void end_round(ChiaroWorld *world)
+{
+    Shine read = world->last;
+    world->last = world->next, world->next = read;
+    for (uint32_t n = 0; n < world->body_end; n++)
+        world->bodies[n].painted = false;
+    world->stage = ROUND_NONE;
+    world->rounds_left--;
+}
+
+/* Returns the number of slots, which are put into `painted`. */
+static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t *painted)
+{
+    Body *body = &world->bodies[id];
+    world->unpainted--;
+    chiaro_world_paint(world, id);
+    body->painted = true;
+    publish(world, body);
+    for (uint32_t p = 0; painted && p < body->object.part_count; p++)
+        painted[p] = body->first_slot + p;
+    if (!world->shown_stale)
+        world->blockers_stale = world->updates;
+    world->shown_stale = true;
+    return body->object.part_count;
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * A frame
+ */
+
+/* What objects do to static surfaces, as they are now. */
+static void show_blockers(ChiaroWorld *world)
+{
+    chiaro_blockers_build(world, &world->shown, true);
+    chiaro_kernel_drop(world->kernel_of_rounds, world->desc.object_capacity + TASK_SHOWN);
+    world->shown_stale = false;
+}
+
+/* Works until the kernel says that the frame is over, `cubes` were painted, `painted` could overflow, or a round ends. */
+static uint32_t work(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, uint32_t cubes, uint32_t *painted,
+                     uint32_t capacity)
+{
+    uint32_t count = 0, units, item = CHIARO_NONE;
+    chiaro_kernel_begin(world->kernel_of_rounds, budget, spent);
+    if (world->stage == ROUND_NONE) {
+        if (world->changed)
+            world->rounds_left = CHIARO_WORLD_SETTLE_ROUNDS;
+        world->changed = false;
+        if (world->rounds_left)
+            begin_round(world);
+    }
+    while (count < cubes && count + CHIARO_MAX_OBJECT_PARTS <= capacity &&
+           (item = chiaro_kernel_next(world->kernel_of_rounds, &units)) != CHIARO_NONE) {
+        if (item < world->desc.object_capacity)
+            count += paint_body(world, item, painted ? painted + count : NULL);
+        else if (item == world->desc.object_capacity + TASK_ROUND)
+            begin_slice(world, units);
+        else
+            show_blockers(world);
+    }
+    if (world->stage == ROUND_PAINT && world->unpainted == 0)
+        end_round(world);
+    return count;
+}
+
+uint32_t chiaro_world_run(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, uint32_t *painted, uint32_t capacity)
+{
+    world->updates++;
+    if (world->shown_stale)
+        chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_SHOWN, KIND_SHOWN, 1,
+                          1 + world->body_end / BLOCKERS_A_UNIT, 0);
+    return work(world, budget, spent, UINT32_MAX, painted, capacity);
+}
+
+uint32_t chiaro_world_update(ChiaroWorld *world, uint32_t budget, uint32_t *painted)
+{
+    uint32_t count = 0;
+    world->updates++;
+    if (budget)
+        count = work(world, (ChiaroBudget){0}, 0, budget, painted, UINT32_MAX);
+    if (world->shown_stale)
+        show_blockers(world);
+    return count;
+}
+
+bool chiaro_world_settled(const ChiaroWorld *world)
+{
+    return world->stage == ROUND_NONE && !world->changed && world->rounds_left == 0 && !world->shown_stale;
+}
+
+uint64_t chiaro_world_moves(const ChiaroWorld *world) { return world->moves; }
+
+const ChiaroKernel *chiaro_world_kernel(const ChiaroWorld *world) { return world->kernel_of_rounds; }

@@ -1,0 +1,241 @@
+/* Bounce light: direct light at samples -> tree -> all bounces at samples -> tree -> irradiance at receivers.
+ *
+ * A pass goes through these stages, whole in one update or in slices that the kernel deals out. Where it is sliced,
+ * receivers get their new light in a buffer of its own, and what is shown goes over to it in as many frames as the pass
+ * took: nothing pops. The last step copies it, so that in the end the bits are those of a whole pass.
+ *
+ * Lights that move while a pass is under way are taken as they are; when it is done, the next one begins.
+ */
+#include "context.h"
+
+enum { STAGE_IDLE, STAGE_SAMPLES, STAGE_SMALL, STAGE_LARGE, STAGE_BOUNCES, STAGE_SMALL_AGAIN, STAGE_LARGE_AGAIN,
+       STAGE_RECEIVERS, STAGE_END };
+
+/* Multiply-adds of a point and a light: a shadow test, the form of a square. */
+enum { MADDS_A_LIGHT = 200 };
+
+_Static_assert(STAGE_END <= (int)CHIARO_MAX_KERNEL_KINDS, "a kind each");
+
+/* ---- what a stage is ---------------------------------------------------------------------------------------------- */
+
+static uint32_t groups_of(uint32_t count) { return (count + CHIARO_GROUP_SIZE - 1) / CHIARO_GROUP_SIZE; }
+
+/* A stage whose idea has been taken out. */
+static bool is_out(const ChiaroVulkan *context, uint32_t stage)
+{
+    return chiaro_vulkan_without(context, stage < STAGE_RECEIVERS ? CHIARO_WITHOUT_BOUNCES : CHIARO_WITHOUT_LINKS) &&
+           stage >= STAGE_BOUNCES;
+}
+
+/* What is counted in a stage: work groups. */
+static uint32_t stage_groups(const ChiaroVulkan *context, uint32_t stage)
+{
+    const ChiaroTransport *t = &context->scene.transport;
+    if (is_out(context, stage))
+        return 0;
+    switch (stage) {
+    case STAGE_SAMPLES: return groups_of(t->sample_count);
+    case STAGE_SMALL:
+    case STAGE_SMALL_AGAIN: return groups_of(t->small_node_end - t->leaf_count);
+    case STAGE_LARGE:
+    case STAGE_LARGE_AGAIN: return groups_of(t->node_count - t->small_node_end);
+    case STAGE_BOUNCES: return t->sample_links.block_count + groups_of(t->sky_count);
+    default: return t->receiver_links.block_count;
+    }
+}
+
+/* Multiply-adds of a work group, on average. */
+static uint64_t group_cost(const ChiaroVulkan *context, uint32_t stage)
+{
+    const ChiaroTransport *t = &context->scene.transport;
+    uint64_t groups = stage_groups(context, stage), all;
+    switch (stage) {
+    case STAGE_SAMPLES: all = (uint64_t)t->point_count * chiaro_vulkan_lights(context) * MADDS_A_LIGHT; break;
+    case STAGE_BOUNCES: all = 3 * (uint64_t)t->sample_links.weight_count; break;
+    case STAGE_RECEIVERS: all = 3 * (uint64_t)t->receiver_links.weight_count; break;
+    default: all = groups * CHIARO_GROUP_SIZE * CHIARO_SMALL_NODE;
+    }
+    return groups ? (all + groups - 1) / groups : 0;
+}
+
+/* Thousands of multiply-adds of so many groups, 1 at least. */
+static uint32_t units_of(const ChiaroVulkan *context, uint32_t stage, uint32_t groups)
+{
+    return (uint32_t)(group_cost(context, stage) * groups / 1000) + 1;
+}
+
+static uint32_t pass_units(const ChiaroVulkan *context)
+{
+    uint32_t units = 0;
+    for (uint32_t stage = STAGE_SAMPLES; stage < STAGE_END; stage++)
+        units += units_of(context, stage, stage_groups(context, stage));
+    return units;
+}
+
+/* ---- recording ---------------------------------------------------------------------------------------------------- */
+
+static void dispatch(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroVulkanUpdate *info, uint32_t pass,
+                     uint32_t groups, const ChiaroComputePush *push)
+{
+    const VulkanFunctions *vk = &context->vk;
+    const Pipeline *pipeline = &context->gi[pass];
+    if (groups == 0 || !pipeline->pipeline)
+        return;
+    bool lit = pass == GI_SAMPLES_LIT;
+    const VkDescriptorSet sets[3] = {context->scene.gi_set, context->lights.set, info->shadow_set};
+    vk->CmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline->pipeline);
+    vk->CmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline->layout, 0,
+                              !lit ? 1 : info->shadow_set ? 3 : 2, sets, 0, NULL);
+    vk->CmdPushConstants(commands, pipeline->layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof *push, push);
+    vk->CmdDispatch(commands, groups, 1, 1);
+    chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT,
+            VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT);
+    context->dispatches++;
+}
+
+/* Work groups [first, first + groups) of a stage. */
+static void record_stage(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroVulkanUpdate *info, uint32_t stage,
+                         uint32_t first, uint32_t groups)
+{
+    const ChiaroTransport *t = &context->scene.transport;
+    ChiaroComputePush push = {.range = {first}};
+    uint32_t pass = GI_TREE, half = stage < STAGE_SMALL_AGAIN ? 0 : t->node_count, nodes_end = t->node_count;
+    switch (stage) {
+    case STAGE_SAMPLES:
+        pass = chiaro_vulkan_lights(context) > 0 ? GI_SAMPLES_LIT : GI_SAMPLES_DARK;
+        push.range[0] = first * CHIARO_GROUP_SIZE;
+        push.range[1] = t->sample_count;
+        break;
+    case STAGE_BOUNCES:
+        pass = GI_GATHER_SAMPLES;
+        push.range[1] = t->sample_links.block_count;
+        push.range[3] = t->node_count;
+        push.more[0] = t->sample_count;
+        push.more[1] = t->leaf_count;
+        break;
+    case STAGE_RECEIVERS:
+        pass = GI_GATHER_RECEIVERS;
+        push.range[2] = chiaro_vulkan_without(context, CHIARO_WITHOUT_BOUNCES) ? 0 : t->node_count;
+        push.more[2] = context->bounce.sliced;
+        break;
+    default: {
+        bool small = stage == STAGE_SMALL || stage == STAGE_SMALL_AGAIN;
+        nodes_end = small ? t->small_node_end : t->node_count;
+        push.range[0] = (small ? t->leaf_count : t->small_node_end) + first * CHIARO_GROUP_SIZE;
+        push.range[1] = nodes_end;
+        push.range[2] = half;
+    }
+    }
+    dispatch(context, commands, info, pass, groups, &push);
+}
+
+/* A step of what is shown toward what has come. */
+static void record_blend(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroVulkanUpdate *info)
+{
+    BounceState *state = &context->bounce;
+    uint32_t receivers = context->scene.transport.receiver_count;
+    ChiaroComputePush push = {.range = {0, receivers, state->fade_left}};
+    dispatch(context, commands, info, GI_BLEND, groups_of(receivers), &push);
+    state->fade_left--;
+}
+
+/* ---- a pass ------------------------------------------------------------------------------------------------------- */
+
+bool chiaro_bounce_busy(const ChiaroVulkan *context)
+{
+    return context->bounce.stage != STAGE_IDLE || context->bounce.fade_left > 0;
+}
+
+void chiaro_bounce_reset(ChiaroVulkan *context)
+{
+    BounceState *state = &context->bounce;
+    if (state->kernel)
+        chiaro_kernel_drop(state->kernel, 0);
+    state->stage = STAGE_IDLE;
+    state->fade_left = 0;
+}
+
+ChiaroResult chiaro_bounce_create(ChiaroVulkan *context)
+{
+    ChiaroKernelDesc desc = {.struct_size = sizeof desc, .item_count = 1};
+    size_t size = chiaro_kernel_size(&desc);
+    context->bounce.memory = chiaro_vulkan_alloc(context, 1, size);
+    if (!context->bounce.memory)
+        return CHIARO_ERROR_MEMORY;
+    return chiaro_kernel_init(&desc, context->bounce.memory, size, &context->bounce.kernel);
+}
+
+static void ask_for_stage(ChiaroVulkan *context, uint32_t slice)
+{
+    BounceState *state = &context->bounce;
+    uint32_t left = stage_groups(context, state->stage) - state->cursor;
+    chiaro_kernel_due(state->kernel, 0, state->stage, 1, units_of(context, state->stage, left), slice);
+}
+
+static void begin_pass(ChiaroVulkan *context, uint32_t limit)
+{
+    BounceState *state = &context->bounce;
+    state->stage = STAGE_SAMPLES;
+    state->cursor = 0;
+    state->sliced = limit > 0;
+    state->began = context->frame;
+    context->gi_changed = false;
+}
+
+static void end_pass(ChiaroVulkan *context)
+{
+    BounceState *state = &context->bounce;
+    state->stage = STAGE_IDLE;
+    state->shown = state->began;
+    state->fade_left = state->sliced ? (uint32_t)(context->frame - state->began) + 1 : 0;
+    context->objects.light_due = true;
+}
+
+/* A slice, and what follows from it. */
+static void work(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroVulkanUpdate *info, uint32_t units)
+{
+    BounceState *state = &context->bounce;
+    uint32_t left = stage_groups(context, state->stage) - state->cursor, groups = left;
+    uint64_t cost = group_cost(context, state->stage);
+    if (units < units_of(context, state->stage, left) && cost > 0)
+        groups = (uint32_t)(1000 * (uint64_t)units / cost);
+    groups = groups == 0 ? 1 : groups < left ? groups : left;
+    record_stage(context, commands, info, state->stage, state->cursor, left ? groups : 0);
+    state->cursor += left ? groups : 0;
+    state->units += units;
+    chiaro_kernel_drop(state->kernel, 0);
+    if (state->cursor < stage_groups(context, state->stage))
+        return;
+    state->cursor = 0;
+    if (++state->stage == STAGE_END)
+        end_pass(context);
+}
+
+void chiaro_bounce_record(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroVulkanUpdate *info)
+{
+    BounceState *state = &context->bounce;
+    uint32_t limit = info->gpu_units, units;
+    if (state->stage == STAGE_IDLE && context->gi_changed)
+        begin_pass(context, limit);
+    chiaro_kernel_begin(state->kernel, (ChiaroBudget){.units = limit}, 0);
+    bool was_fading = state->fade_left > 0;
+    /* What has come is not touched while what is shown goes over to it. */
+    while (state->stage != STAGE_IDLE && !(state->stage == STAGE_RECEIVERS && was_fading)) {
+        ask_for_stage(context, limit > state->units ? limit - state->units : limit);
+        if (chiaro_kernel_next(state->kernel, &units) == CHIARO_NONE)
+            break;
+        work(context, commands, info, units);
+        context->tasks++;
+    }
+    if (state->fade_left > 0)
+        record_blend(context, commands, info);
+}
+
+void chiaro_bounce_stats(const ChiaroVulkan *context, ChiaroVulkanStats *stats)
+{
+    const BounceState *state = &context->bounce;
+    bool due = chiaro_vulkan_gi(context) && (context->gi_changed || chiaro_bounce_busy(context));
+    stats->gpu_units = state->units;
+    stats->light_age = due ? (uint32_t)(context->frame - state->shown) : 0;
+    stats->pass_units = chiaro_vulkan_gi(context) ? pass_units(context) : 0;
+}
