@@ -134,6 +134,13 @@ $(B)/bin/%: $(B)/obj/samples/%.o $(COMMON_SAMPLES) $(REFERENCE) $(IO) $(BAKE_LIB
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS_ALL) -o $@ $^ $(BAKE_LIBS) $(IO_LIBS) $(VULKAN_LIBS)
 
+# Shaders of a host that draws itself; they include Chiaro's.
+LIGHT_SHADERS := $(patsubst samples/embed_light/%.glsl,$(B)/spirv/embed_light/%.h,$(wildcard samples/embed_light/*.*.glsl))
+$(B)/spirv/embed_light/%.h: samples/embed_light/%.glsl $(wildcard glsl/*.glsl glsl/*.h) samples/embed_light/shared.glsl
+	@mkdir -p $(@D)
+	$(GLSLANG) --quiet -V --target-env vulkan1.1 -Iglsl -Isamples/embed_light --vn $(subst .,_,$*)_code -o $@ $<
+$(B)/obj/samples/embed_light.o: $(LIGHT_SHADERS)
+
 # Hosts that load the plugin link nothing of Chiaro: only what an engine has anyhow.
 EMBED_OBJECTS := $(call objects,samples/common/device.c src/io/file.c src/io/png.c)
 $(EMBEDS): $(B)/bin/%: $(B)/obj/samples/%.o $(EMBED_OBJECTS)
