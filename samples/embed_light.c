@@ -323,8 +323,7 @@ static bool create_renderer(Game *game)
     const ChiaroTransport *level = &game->level;
     return fill(&game->host, &game->vertices, level->vertices, level->vertex_count * sizeof *level->vertices) &&
            fill(&game->host, &game->indices, level->indices, level->index_count * sizeof *level->indices) &&
-           /* CHIARO: each vertex' receiver */
-           fill(&game->host, &game->receivers, level->vertex_receivers, level->vertex_count * sizeof(uint32_t)) &&
+           fill(&game->host, &game->receivers, level->vertex_receivers, 4 * (size_t)level->vertex_count) && /* CHIARO */
            host_buffer_create(&game->host, sizeof(LightBlock), &game->block) && create_shadow_image(game) &&
            create_shadow_pass(game) && create_set(game) && create_chiaro(game) && create_pipelines(game);
 }
@@ -367,7 +366,7 @@ static void aim(Game *game, const ChiaroCamera *camera)
     float view[16], projection[16];
     game->lamp = (ChiaroLight){.type = CHIARO_LIGHT_SPOT,
                                .direction = {0, -1, 0},
-                               .intensity = {8, 8, 8},
+                               .intensity = {25, 25, 25},
                                .cos_inner = 0.7001f, /* as hard an edge as level.frag has */
                                .cos_outer = 0.7f};
     for (int axis = 0; axis < 3; axis++) {
