@@ -54,7 +54,7 @@ PLUGIN := $(B)/chiaro_plugin.so
 SHARED := $(B)/libchiaro.so.$(VERSION)
 BAKE_LIBRARY := $(B)/libchiaro_bake.a
 
-.PHONY: all help deps test bench demo install clean shaders
+.PHONY: all help deps test bench demo doc install clean shaders
 all: $(LIBRARY) $(SHARED) $(PLUGIN) $(BAKE_LIBRARY) $(PROGRAMS) $(EMBEDS)
 
 help: ## this list
@@ -64,7 +64,7 @@ help: ## this list
 
 # ---- packages --------------------------------------------------------------------------------------------------------
 PACKAGES := gcc g++ make pkg-config glslang-tools libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers \
-  libembree-dev libtbb-dev libtinygltf-dev nlohmann-json3-dev libstb-dev libopenexr-dev libglfw3-dev libcmocka-dev
+  libembree-dev libtbb-dev libtinygltf-dev nlohmann-json3-dev libstb-dev libopenexr-dev libglfw3-dev libcmocka-dev doxygen
 MISSING = $(shell for p in $(PACKAGES); do \
   dpkg-query -W -f='$${db:Status-Status}' $$p 2>/dev/null | grep -qx installed || echo $$p; done)
 
@@ -171,6 +171,11 @@ bench: all ## error and cost for K = 8 .. 64 beside three baselines, and of 1,00
 	@$(B)/bin/chiaro-bench-objects
 
 endif
+
+doc: ## the API reference, from the headers: build/doc/html/index.html
+	@mkdir -p build/doc
+	@{ cat Doxyfile; echo 'PROJECT_NUMBER = $(VERSION)'; echo 'OUTPUT_DIRECTORY = build/doc'; } | doxygen -
+	@echo build/doc/html/index.html
 
 install: all ## install into PREFIX (default /usr/local; DESTDIR is honoured)
 	install -d $(DESTDIR)$(PREFIX)/include/chiaro $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/bin \
