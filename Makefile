@@ -57,7 +57,7 @@ PLUGIN := $(B)/chiaro_plugin.so
 SHARED := $(B)/libchiaro.so.$(VERSION)
 BAKE_LIBRARY := $(B)/libchiaro_bake.a
 
-.PHONY: all help deps test bench demo install clean shaders
+.PHONY: all help deps test bench demo doc install clean shaders
 all: $(LIBRARY) $(SHARED) $(PLUGIN) $(BAKE_LIBRARY) $(PROGRAMS) $(EMBEDS)
 
 help: ## this list
@@ -67,7 +67,7 @@ help: ## this list
 
 # ---- packages --------------------------------------------------------------------------------------------------------
 PACKAGES := gcc g++ make pkg-config glslang-tools libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers \
-  libembree-dev libtbb-dev libtinygltf-dev nlohmann-json3-dev libstb-dev libopenexr-dev libglfw3-dev libcmocka-dev \
+  libembree-dev libtbb-dev libtinygltf-dev nlohmann-json3-dev libstb-dev libopenexr-dev libglfw3-dev libcmocka-dev doxygen \
   xvfb libx11-dev libxtst-dev
 MISSING = $(shell for p in $(PACKAGES); do \
   dpkg-query -W -f='$${db:Status-Status}' $$p 2>/dev/null | grep -qx installed || echo $$p; done)
@@ -147,6 +147,13 @@ $(B)/bin/%: $(B)/obj/samples/%.o $(COMMON_SAMPLES) $(REFERENCE) $(IO) $(BAKE_LIB
 	$(CC) $(LDFLAGS_ALL) -o $@ $^ $(BAKE_LIBS) $(IO_LIBS) $(VULKAN_LIBS)
 $(B)/bin/chiaro-view: VULKAN_LIBS += $(WINDOW_LIBS)
 
+# Shaders of a host that draws itself; they include Chiaro's.
+LIGHT_SHADERS := $(patsubst samples/embed_light/%.glsl,$(B)/spirv/embed_light/%.h,$(wildcard samples/embed_light/*.*.glsl))
+$(B)/spirv/embed_light/%.h: samples/embed_light/%.glsl $(wildcard glsl/*.glsl glsl/*.h) samples/embed_light/shared.glsl
+	@mkdir -p $(@D)
+	$(GLSLANG) --quiet -V --target-env vulkan1.1 -Iglsl -Isamples/embed_light --vn $(subst .,_,$*)_code -o $@ $<
+$(B)/obj/samples/embed_light.o: $(LIGHT_SHADERS)
+
 # Hosts that load the plugin link nothing of Chiaro: only what an engine has anyhow.
 EMBED_OBJECTS := $(call objects,samples/common/device.c src/io/file.c src/io/png.c)
 $(EMBEDS): $(B)/bin/%: $(B)/obj/samples/%.o $(EMBED_OBJECTS)
@@ -158,8 +165,12 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_COMMON) $(COMMON_SAMPLES) $(REFERENCE) $
 	$(CC) $(LDFLAGS_ALL) -o $@ $^ -lcmocka $(BAKE_LIBS) $(IO_LIBS) $(VULKAN_LIBS)
 
 $(B)/tests/test_view: VULKAN_LIBS += -lstb -lX11 -lXtst
+$(B)/spirv/tests/%.h: tests/glsl/%.glsl $(wildcard glsl/*.glsl glsl/*.h)
+	@mkdir -p $(@D)
+	$(GLSLANG) --quiet -V --target-env vulkan1.1 -Iglsl --vn $(subst .,_,$*)_code -o $@ $<
+$(B)/obj/tests/test_vulkan_light.o: $(B)/spirv/tests/unshadowed.comp.h
 $(B)/tests/test_old_host: $(B)/obj/tests/abi/new_host.o
-$(addprefix $(B)/tests/test_,plugin old_host): | $(PLUGIN)
+$(addprefix $(B)/tests/test_,plugin old_host embed): | $(PLUGIN) $(EMBEDS)
 
 # ---- jobs ------------------------------------------------------------------------------------------------------------
 test: all $(TESTS) ## build and run every test
@@ -174,6 +185,11 @@ bench: all ## error and cost for K = 8 .. 64 beside three baselines, and of 1,00
 	@$(B)/bin/chiaro-bench-objects
 
 endif
+
+doc: ## the API reference, from the headers: build/doc/html/index.html
+	@mkdir -p build/doc
+	@{ cat Doxyfile; echo 'PROJECT_NUMBER = $(VERSION)'; echo 'OUTPUT_DIRECTORY = build/doc'; } | doxygen -
+	@echo build/doc/html/index.html
 
 install: all ## install into PREFIX (default /usr/local; DESTDIR is honoured)
 	install -d $(DESTDIR)$(PREFIX)/include/chiaro $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/bin \

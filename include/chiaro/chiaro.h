@@ -107,13 +107,16 @@ typedef struct ChiaroClock {
     void *user;
 } ChiaroClock;
 
-/** Returns CHIARO_VERSION of the library that is running. @thread_safety any thread. */
+/** Returns CHIARO_VERSION of the library that is running. @thread_safety any thread. @errors none. @lifetime nothing is
+ * kept. */
 CHIARO_API uint32_t chiaro_version(void);
 
-/** Returns the fixed text of a result, never NULL. @thread_safety any thread. */
+/** Returns the fixed text of a result, never NULL. @thread_safety any thread. @errors none. @lifetime the text stays
+ * for ever. */
 CHIARO_API const char *chiaro_result_text(ChiaroResult result);
 
-/** Returns the fixed text of a log item, never NULL. @thread_safety any thread. */
+/** Returns the fixed text of a log item, never NULL. @thread_safety any thread. @errors none. @lifetime the text stays
+ * for ever. */
 CHIARO_API const char *chiaro_log_item_text(ChiaroLogItem item);
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -208,19 +211,19 @@ typedef enum ChiaroComponent {
  * @param scene the scene; counts and arrays are read.
  * @param log gets one message that names the first fault; may be NULL.
  * @return CHIARO_OK, or CHIARO_ERROR_SCENE.
- * @thread_safety any thread. */
+ * @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API ChiaroResult chiaro_scene_check(const ChiaroScene *scene, const ChiaroLog *log);
 
 /** Checks a light: finite numbers, intensity not negative, directions of unit length.
- * @errors CHIARO_ERROR_ARGUMENT. @thread_safety any thread. */
+ * @errors CHIARO_ERROR_ARGUMENT. @thread_safety any thread. @lifetime nothing is kept. */
 CHIARO_API ChiaroResult chiaro_light_check(const ChiaroLight *light);
 
 /** Checks a sky: sizes 1 .. 32768, radiance finite and not negative.
- * @errors CHIARO_ERROR_ARGUMENT. @thread_safety any thread. */
+ * @errors CHIARO_ERROR_ARGUMENT. @thread_safety any thread. @lifetime nothing is kept. */
 CHIARO_API ChiaroResult chiaro_sky_check(const ChiaroSky *sky);
 
 /** Radiance of a sky toward a direction (need not be unit), bilinear.
- * @param rgb receives three floats. @thread_safety any thread. */
+ * @param rgb receives three floats. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_sky_radiance(const ChiaroSky *sky, const float direction[3], float rgb[3]);
 
 /** Takes the sun out of a sky: a spot of at most some 12 degrees about its centre that stands above its surroundings and
@@ -231,23 +234,24 @@ CHIARO_API void chiaro_sky_radiance(const ChiaroSky *sky, const float direction[
  * @param sun receives a CHIARO_LIGHT_SUN. @param radius receives its angular radius in radians: of an even disc that is
  * spread alike. Both untouched if there is none.
  * @param rest receives width * height * 3 floats, all of the sky if there is no sun; may be the sky's own image, or NULL.
- * @return true if there is a sun. @thread_safety any thread. */
+ * @return true if there is a sun. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API bool chiaro_sky_split(const ChiaroSky *sky, ChiaroLight *sun, float *radius, float *rest);
 
 /** One texel fetch as every part of Chiaro filters textures: bilinear in linear light, without mip maps.
- * @param rgba receives four linear floats. @thread_safety any thread. */
+ * @param rgba receives four linear floats. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_texture_sample(const ChiaroScene *scene, uint32_t texture, const float uv[2], float rgba[4]);
 
 /** Albedo (clamped to CHIARO_MAX_ALBEDO), emission and alpha of a point of a triangle.
  * @param triangle index of the triangle (index / 3). @param part the part it belongs to.
  * @param u, v barycentric weights of its second and third corner. @param albedo, emission receive three floats each.
- * @return alpha. @thread_safety any thread. */
+ * @return alpha. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API float chiaro_surface(const ChiaroScene *scene, uint32_t part, uint32_t triangle, float u, float v,
                                 float albedo[3], float emission[3]);
 
 /** Irradiance per unit cosine that a light sends to a point, without any shadow: intensity times distance law, spot cone
  * and range window. @param toward receives the unit direction to the light. @param distance receives the distance (sun:
- * INFINITY). @param rgb receives intensity * attenuation (not yet times the cosine). @thread_safety any thread. */
+ * INFINITY). @param rgb receives intensity * attenuation (not yet times the cosine). @thread_safety any thread. @errors
+ * none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_light_at(const ChiaroLight *light, const float point[3], float toward[3], float *distance,
                                 float rgb[3]);
 
@@ -369,7 +373,7 @@ typedef struct ChiaroTransport {
  * @param data the bytes, aligned to 16, which must outlive `transport`. @param size their number.
  * @param transport receives views into `data`. @param log gets the reason of a refusal; may be NULL.
  * @errors CHIARO_ERROR_DATA, CHIARO_ERROR_VERSION.
- * @thread_safety any thread. */
+ * @thread_safety any thread. @lifetime that of `data`. */
 CHIARO_API ChiaroResult chiaro_transport_open(const void *data, size_t size, ChiaroTransport *transport,
                                               const ChiaroLog *log);
 
@@ -380,28 +384,32 @@ typedef bool (*ChiaroVisibleFunc)(const ChiaroLight *light, const float point[3]
 /** Direct light on every sample: emission + albedo * irradiance (article: Pre-determined surface samples).
  * The CPU twin of samples.comp.glsl.
  * @param lights, light_count punctual lights. @param visible shadow test, NULL: nothing is in the way.
- * @param radiosity receives 3 * sample_count floats. @thread_safety any thread. */
+ * @param radiosity receives 3 * sample_count floats. @thread_safety any thread. @errors none. @lifetime nothing is
+ * kept. */
 CHIARO_API void chiaro_samples_light(const ChiaroTransport *transport, const ChiaroLight *lights, uint32_t light_count,
                                      ChiaroVisibleFunc visible, void *user, float *radiosity);
 
 /** Mean sky radiance of every sky leaf times pi. @param sky NULL: black.
- * @param radiosity receives 3 * sky_count floats. @thread_safety any thread. */
+ * @param radiosity receives 3 * sky_count floats. @thread_safety any thread. @errors none. @lifetime nothing is
+ * kept. */
 CHIARO_API void chiaro_sky_light(const ChiaroTransport *transport, const ChiaroSky *sky, float *radiosity);
 
 /** Fills the inner nodes: each the weighted mean of its leaves (the hierarchical BRDF's diffuse form).
- * @param values 3 * node_count floats; the first 3 * leaf_count are read, the rest written. @thread_safety any thread. */
+ * @param values 3 * node_count floats; the first 3 * leaf_count are read, the rest written. @thread_safety any thread.
+ * @errors none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_tree_sum(const ChiaroTransport *transport, float *values);
 
 /** Irradiance of rows from light at the nodes. The CPU twin of gather.glsl.
  * @param links of the samples (all bounces, from direct light) or of the receivers (final gather, from all light).
- * @param values 3 * node_count floats. @param irradiance receives 3 floats a row. @thread_safety any thread. */
+ * @param values 3 * node_count floats. @param irradiance receives 3 floats a row. @thread_safety any thread. @errors
+ * none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_links_gather(const ChiaroLinks *links, const float *values, float *irradiance);
 
 /** The whole update on the CPU: direct light, sky, tree, sample gather, tree, receiver gather.
  * Direct light of `lights` is not in it, only what they bounce. To have it agree with the renderer where the sky has a
  * sun, pass what chiaro_sky_split() makes: the sun among the lights, the rest as the sky.
  * @param scratch 3 * (node_count + sample_count) floats. @param irradiance receives 3 * receiver_count floats.
- * @thread_safety any thread. */
+ * @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_transport_update(const ChiaroTransport *transport, const ChiaroLight *lights,
                                         uint32_t light_count, const ChiaroSky *sky, ChiaroVisibleFunc visible,
                                         void *user, float *scratch, float *irradiance);

@@ -77,7 +77,8 @@ typedef struct ChiaroBakeObjectDesc {
 CHIARO_API ChiaroResult chiaro_bake_object(const ChiaroScene *scene, const ChiaroBakeObjectDesc *desc,
                                            ChiaroBlob *blob);
 
-/** Releases a block. An empty one is allowed. @thread_safety any thread. */
+/** Releases a block. An empty one is allowed. @thread_safety any thread. @errors none. @lifetime ends the blob's
+ * memory. */
 CHIARO_API void chiaro_blob_free(ChiaroBlob *blob);
 
 #ifdef __cplusplus

@@ -84,7 +84,8 @@ typedef struct ChiaroNeighboursDesc {
 typedef struct ChiaroNeighbours ChiaroNeighbours;
 
 /** Bytes that lists of this description need.
- * @return 0 where the description is out of range. @thread_safety any thread. */
+ * @return 0 where the description is out of range. @thread_safety any thread. @errors none. @lifetime nothing is
+ * kept. */
 CHIARO_API size_t chiaro_neighbours_size(const ChiaroNeighboursDesc *desc);
 
 /** Makes empty lists in a block of the host's memory.
@@ -94,30 +95,36 @@ CHIARO_API size_t chiaro_neighbours_size(const ChiaroNeighboursDesc *desc);
 CHIARO_API ChiaroResult chiaro_neighbours_init(const ChiaroNeighboursDesc *desc, void *memory, size_t size,
                                                ChiaroNeighbours **neighbours);
 
-/** The description with every default filled in. @thread_safety any thread. @lifetime that of the lists. */
+/** The description with every default filled in. @thread_safety any thread. @lifetime that of the lists. @errors
+ * none. */
 CHIARO_API const ChiaroNeighboursDesc *chiaro_neighbours_desc(const ChiaroNeighbours *neighbours);
 
-/** What one tick of one object costs, for hosts that budget: weights computed, at most. @thread_safety any thread. */
+/** What one tick of one object costs, for hosts that budget: weights computed, at most. @thread_safety any thread.
+ * @errors none. @lifetime nothing is kept. */
 CHIARO_API uint32_t chiaro_neighbours_cost(const ChiaroNeighbours *neighbours);
 
 /** A slice of a tick: new lists for the objects [first, first + count). Each object belongs into one slice of a tick.
  * @param objects all objects; must stay the same during a tick where the result is to be independent of the slices.
  * @param object_count their number, at most that of the description. @param first, count the slice; objects from
  * object_count on count as empty places.
- * @thread_safety slices that share no object may run at once; lists may be read meanwhile. */
+ * @thread_safety slices that share no object may run at once; lists may be read meanwhile. @errors none. @lifetime
+ * nothing is kept. */
 CHIARO_API void chiaro_neighbours_update(ChiaroNeighbours *neighbours, const ChiaroNeighbourObject *objects,
                                          uint32_t object_count, uint32_t first, uint32_t count);
 
-/** Ends a tick: what its slices wrote is now what is read. @thread_safety not beside any other call. */
+/** Ends a tick: what its slices wrote is now what is read. @thread_safety not beside any other call. @errors none.
+ * @lifetime ends the lists that were read before. */
 CHIARO_API void chiaro_neighbours_end_tick(ChiaroNeighbours *neighbours);
 
 /** A list as of the last complete tick: best first. None of it was an empty place then.
  * @param count receives its length. @return the neighbours; never NULL.
- * @thread_safety beside slices, not beside chiaro_neighbours_end_tick(). @lifetime until the next tick ends. */
+ * @thread_safety beside slices, not beside chiaro_neighbours_end_tick(). @lifetime until the next tick ends. @errors
+ * none. */
 CHIARO_API const ChiaroNeighbour *chiaro_neighbours_list(const ChiaroNeighbours *neighbours, uint32_t kind,
                                                          uint32_t object, uint32_t *count);
 
-/** The weight that a list of this kind gives to `other` as a neighbour of `object`. @thread_safety any thread. */
+/** The weight that a list of this kind gives to `other` as a neighbour of `object`. @thread_safety any thread. @errors
+ * none. @lifetime nothing is kept. */
 CHIARO_API float chiaro_neighbour_weight(const ChiaroNeighbourKind *kind, const ChiaroNeighbourObject *object,
                                          const ChiaroNeighbourObject *other);
 

@@ -46,19 +46,21 @@ typedef struct ChiaroCubeKernel ChiaroCubeKernel;
 CHIARO_API ChiaroResult chiaro_cube_kernel_create(uint32_t edge, ChiaroCubeMethod method,
                                                   const ChiaroAllocator *allocator, ChiaroCubeKernel **kernel);
 
-/** @param kernel may be NULL. @thread_safety any thread, when no other uses the kernel. */
+/** @param kernel may be NULL. @thread_safety any thread, when no other uses the kernel. @errors none. @lifetime ends
+ * the kernel. */
 CHIARO_API void chiaro_cube_kernel_destroy(ChiaroCubeKernel *kernel);
 
-/** Texels of a cube: 6 * edge * edge. @thread_safety any thread. */
+/** Texels of a cube: 6 * edge * edge. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API uint32_t chiaro_cube_texel_count(const ChiaroCubeKernel *kernel);
 
 /** Multiply-adds that chiaro_cube_smooth() spends on red, green and blue. The fourth float rides along with them.
- * @thread_safety any thread. */
+ * @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API uint32_t chiaro_cube_multiply_adds(const ChiaroCubeKernel *kernel);
 
 /** Solid angle that a texel stands for: that of its bilinear tent, all together 4 pi. Painting keeps the sum of
  * radiance times this.
- * @param texel less than chiaro_cube_texel_count(). @thread_safety any thread. */
+ * @param texel less than chiaro_cube_texel_count(). @thread_safety any thread. @errors none. @lifetime nothing is
+ * kept. */
 CHIARO_API float chiaro_cube_texel_weight(const ChiaroCubeKernel *kernel, uint32_t texel);
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -82,33 +84,37 @@ typedef struct ChiaroCubeDisc {
     float radiance[3];
 } ChiaroCubeDisc;
 
-/** Solid angle of a sphere. From its surface and inside: 2 pi. @thread_safety any thread. */
+/** Solid angle of a sphere. From its surface and inside: 2 pi. @thread_safety any thread. @errors none. @lifetime
+ * nothing is kept. */
 CHIARO_API float chiaro_cube_sphere_angle(float radius, float distance);
 
-/** Nothing is painted. @thread_safety any thread. */
+/** Nothing is painted. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_cube_clear(const ChiaroCubeKernel *kernel, ChiaroCubeTexel *texels);
 
 /** Paints a disc over every texel that it touches, each by the share of its solid angle. None is too small to count.
  * Painting from near to far is exact where things lie side by side; any other order is close to it.
  * A disc without direction, size or finite distance is left out.
- * @thread_safety any thread, one at a time for the same texels. */
+ * @thread_safety any thread, one at a time for the same texels. @errors none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_cube_paint(const ChiaroCubeKernel *kernel, ChiaroCubeTexel *texels, const ChiaroCubeDisc *disc);
 
 /** Lays what was painted over a background.
  * @param background 4 floats a texel, of which three count; NULL: black. @param radiance receives 4 floats a texel:
- * colour and coverage; may be the background itself. @thread_safety any thread. */
+ * colour and coverage; may be the background itself. @thread_safety any thread. @errors none. @lifetime nothing is
+ * kept. */
 CHIARO_API void chiaro_cube_resolve(const ChiaroCubeKernel *kernel, const ChiaroCubeTexel *texels,
                                     const float *background, float *radiance);
 
 /** Adds light from one direction, over everything that is there: a far lamp.
  * @param direction to the light; any length, zero adds nothing. @param flux radiance times solid angle.
- * @param radiance 4 floats a texel. @thread_safety any thread, one at a time for the same texels. */
+ * @param radiance 4 floats a texel. @thread_safety any thread, one at a time for the same texels. @errors none.
+ * @lifetime nothing is kept. */
 CHIARO_API void chiaro_cube_splat(const ChiaroCubeKernel *kernel, const float direction[3], const float flux[3],
                                   float *radiance);
 
 /** A sky dome as a background: every pixel is splatted by its direction, so that a small sun keeps its place.
  * Reads the whole image: for loading, not for every frame.
- * @param sky NULL: black. @param radiance receives 4 floats a texel, the fourth 0. @thread_safety any thread. */
+ * @param sky NULL: black. @param radiance receives 4 floats a texel, the fourth 0. @thread_safety any thread. @errors
+ * none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_cube_sky(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, float *radiance);
 
 /** Radiance that comes from a unit direction. */
@@ -116,7 +122,7 @@ typedef void (*ChiaroRadianceFunc)(const float direction[3], float rgb[3], void 
 
 /** The same for a sky that is a function, a gradient say.
  * @param samples across a texel, at least 1; 8 are good for a gradient. @param radiance as above.
- * @thread_safety any thread. */
+ * @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_cube_background(const ChiaroCubeKernel *kernel, ChiaroRadianceFunc func, void *user,
                                        uint32_t samples, float *radiance);
 
@@ -128,21 +134,23 @@ CHIARO_API void chiaro_cube_background(const ChiaroCubeKernel *kernel, ChiaroRad
  * Behind the horizon of a lone light in the dark, the fitted kernel gives values a little below zero: at most 8 % of
  * the light's peak for edge 4, 5 % for 6, 4 % for 8. Clamp after the look-up; clamped texels add a tenth to the error.
  * @param radiance 4 floats a texel, smoothed alike. @param irradiance receives 4 floats a texel: irradiance / pi, and
- * how much of what each normal sees is covered. May be `radiance` itself. @thread_safety any thread. */
+ * how much of what each normal sees is covered. May be `radiance` itself. @thread_safety any thread. @errors none.
+ * @lifetime nothing is kept. */
 CHIARO_API void chiaro_cube_smooth(const ChiaroCubeKernel *kernel, const float *radiance, float *irradiance);
 
 /** Adds what a change of radiance changes. Sums round: smooth the whole cube again every so often.
- * @param change 4 floats a texel, new less old. @thread_safety any thread. */
+ * @param change 4 floats a texel, new less old. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_cube_smooth_add(const ChiaroCubeKernel *kernel, const float *change, float *irradiance);
 
 /** The same for a change of one texel. Cheaper as long as few change.
- * @param texel less than chiaro_cube_texel_count(). @thread_safety any thread. */
+ * @param texel less than chiaro_cube_texel_count(). @thread_safety any thread. @errors none. @lifetime nothing is
+ * kept. */
 CHIARO_API void chiaro_cube_smooth_texel(const ChiaroCubeKernel *kernel, uint32_t texel, const float change[4],
                                          float *irradiance);
 
 /** Bilinear and seamless, as a sampler of a cube image does it.
  * @param texels 4 floats each. @param direction any length but zero. @param value receives 4 floats.
- * @thread_safety any thread. */
+ * @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_cube_look_up(const ChiaroCubeKernel *kernel, const float *texels, const float direction[3],
                                     float value[4]);
 
@@ -156,18 +164,18 @@ typedef enum ChiaroCubeFormat {
     CHIARO_CUBE_SHARED_EXPONENT /**< E5B9G9R9: one exponent for three colours, at most 65408; no fourth value. */
 } ChiaroCubeFormat;
 
-/** Bytes of a texel; 0: no such format. @thread_safety any thread. */
+/** Bytes of a texel; 0: no such format. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API uint32_t chiaro_cube_format_size(ChiaroCubeFormat format);
 
 /** Encodes texels of four floats. What is not a number becomes 0; so does, but for CHIARO_CUBE_HALF, what is negative.
  * @param count number of texels. @param out receives count * chiaro_cube_format_size() bytes, in the host's byte order.
  * @param scale receives what decoded colours are multiplied with: the brightest colour for CHIARO_CUBE_UNORM8, else 1.
- * @errors CHIARO_ERROR_ARGUMENT: no such format. @thread_safety any thread. */
+ * @errors CHIARO_ERROR_ARGUMENT: no such format. @thread_safety any thread. @lifetime nothing is kept. */
 CHIARO_API ChiaroResult chiaro_cube_encode(ChiaroCubeFormat format, const float *texels, uint32_t count, void *out,
                                            float *scale);
 
 /** The reverse. The fourth float is 0 where the format has none.
- * @errors CHIARO_ERROR_ARGUMENT: no such format. @thread_safety any thread. */
+ * @errors CHIARO_ERROR_ARGUMENT: no such format. @thread_safety any thread. @lifetime nothing is kept. */
 CHIARO_API ChiaroResult chiaro_cube_decode(ChiaroCubeFormat format, const void *data, uint32_t count, float scale,
                                            float *texels);
 

@@ -75,7 +75,8 @@ typedef struct ChiaroPrimitives {
  */
 
 /** Bytes that the tree of so many elements needs.
- * @return 0 where the number is not 1 .. CHIARO_MAX_ELEMENTS. @thread_safety any thread. */
+ * @return 0 where the number is not 1 .. CHIARO_MAX_ELEMENTS. @thread_safety any thread. @errors none. @lifetime
+ * nothing is kept. */
 CHIARO_API size_t chiaro_primitives_size(uint32_t element_count);
 
 /** Builds the tree over an object's surface, by position and normal.
@@ -98,40 +99,44 @@ typedef struct ChiaroPrimitiveWalk {
 /** Begins a walk over the nodes as a receiver sees them.
  * @param point where the receiver is, in the space of the elements. @param angle what a node may span, radians,
  * 0 .. pi: leaves alone may span more. @return the walk, for chiaro_primitive_walk_next().
- * @thread_safety any thread. @lifetime as long as the tree. */
+ * @thread_safety any thread. @lifetime as long as the tree. @errors none. */
 CHIARO_API ChiaroPrimitiveWalk chiaro_primitive_walk_begin(const ChiaroPrimitives *primitives, const float point[3],
                                                            float angle);
 
-/** The next node of a walk. @return its number; CHIARO_NONE at the end. @thread_safety one thread a walk. */
+/** The next node of a walk. @return its number; CHIARO_NONE at the end. @thread_safety one thread a walk. @errors none.
+ * @lifetime nothing is kept. */
 CHIARO_API uint32_t chiaro_primitive_walk_next(ChiaroPrimitiveWalk *walk);
 
 /* ------------------------------------------------------------------------------------------------------------------
  * What a node looks like
  */
 
-/** Projected area of a node, m^2. @param direction toward the viewer. @thread_safety any thread. */
+/** Projected area of a node, m^2. @param direction toward the viewer. @thread_safety any thread. @errors none.
+ * @lifetime nothing is kept. */
 CHIARO_API float chiaro_primitive_projected_area(const ChiaroPrimitive *node, const float direction[3]);
 
 /** Light from one direction that a node reflects into another.
  * @param toward_light, toward_viewer unit. @param irradiance on a surface that faces the light, three floats.
- * @param intensity receives three floats. @thread_safety any thread. */
+ * @param intensity receives three floats. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_primitive_reflect(const ChiaroPrimitive *node, const float toward_light[3],
                                          const float irradiance[3], const float toward_viewer[3], float intensity[3]);
 
 /** What a node reflects of a lamp or a sun, without shadow. However near the lamp is, a node takes no more than the
  * lamp sends into the solid angle that it fills.
- * @param intensity receives three floats. @thread_safety any thread. */
+ * @param intensity receives three floats. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_primitive_light(const ChiaroPrimitive *node, const ChiaroLight *light,
                                        const float toward_viewer[3], float intensity[3]);
 
 /** Sums what the elements give off, for every node: toward each axis, as six times three floats.
  * @param elements as they were given to chiaro_primitives_build(). @param radiosity three floats an element: emission,
- * and albedo times irradiance. @param axes receives 18 floats a node. @thread_safety any thread. */
+ * and albedo times irradiance. @param axes receives 18 floats a node. @thread_safety any thread. @errors none.
+ * @lifetime nothing is kept. */
 CHIARO_API void chiaro_primitives_sum(const ChiaroPrimitives *primitives, const ChiaroElement *elements,
                                       const float *radiosity, float *axes);
 
 /** What a node gives off toward a viewer, from the sums of chiaro_primitives_sum().
- * @param axes the node's 18 floats. @param intensity receives three floats. @thread_safety any thread. */
+ * @param axes the node's 18 floats. @param intensity receives three floats. @thread_safety any thread. @errors none.
+ * @lifetime nothing is kept. */
 CHIARO_API void chiaro_primitive_radiate(const ChiaroPrimitive *node, const float axes[18],
                                          const float toward_viewer[3], float intensity[3]);
 
@@ -140,7 +145,8 @@ CHIARO_API void chiaro_primitive_radiate(const ChiaroPrimitive *node, const floa
  */
 
 /** The normal that a closed object is lit with (article: half angle between viewer and light).
- * @param normal receives the unit vector; toward_viewer where the light is right behind. @thread_safety any thread. */
+ * @param normal receives the unit vector; toward_viewer where the light is right behind. @thread_safety any thread.
+ * @errors none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_half_angle_normal(const float toward_light[3], const float toward_viewer[3], float normal[3]);
 
 /** What a round object reflects of a lamp or a sun toward a place, by the half-angle normal. A point light of this
@@ -149,7 +155,7 @@ CHIARO_API void chiaro_half_angle_normal(const float toward_light[3], const floa
  * The article's plain product of the two cosines reflects twice the light that comes in. Raised to 5/3 and times 2/3 it
  * reflects exactly that, is right where light and viewer are on one side, and within 1.3 % of that value everywhere.
  * @param albedo three floats. @param viewer the place, outside of the object. @param intensity receives three floats.
- * @thread_safety any thread. */
+ * @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_neighbour_light(const float center[3], float radius, const float albedo[3],
                                        const ChiaroLight *light, const float viewer[3], float intensity[3]);
 
@@ -159,17 +165,17 @@ CHIARO_API void chiaro_neighbour_light(const float center[3], float radius, cons
  */
 
 /** Form factor of a sphere, exact. Receivers inside are treated as on its skin: no jump where things touch.
- * @param point, normal the receiver. @thread_safety any thread. */
+ * @param point, normal the receiver. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API float chiaro_sphere_form(const float point[3], const float normal[3], const float center[3], float radius);
 
 /** Form factor of a disc, of either side; within 0.004, but for receivers that lie nearer to its rim than a seventh of
  * its radius. (As a polygon of 16 corners and equal area, by Lambert's formula; far away as one point.)
- * @thread_safety any thread. */
+ * @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API float chiaro_disc_form(const float point[3], const float normal[3], const float center[3],
                                   const float disc_normal[3], float radius);
 
 /** Form factor of a node: of a plate where all of it faces the receiver, or of a sphere with its projected area.
- * @thread_safety any thread. */
+ * @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API float chiaro_primitive_form(const ChiaroPrimitive *node, const float point[3], const float normal[3]);
 
 /** Something in the way, as a receiver sees it: a cap of directions. */
@@ -179,11 +185,11 @@ typedef struct ChiaroBlocker {
     float form;
 } ChiaroBlocker;
 
-/** A sphere in the way. @thread_safety any thread. */
+/** A sphere in the way. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API ChiaroBlocker chiaro_sphere_blocker(const float point[3], const float normal[3], const float center[3],
                                                float radius);
 
-/** A node in the way. @thread_safety any thread. */
+/** A node in the way. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API ChiaroBlocker chiaro_primitive_blocker(const ChiaroPrimitive *node, const float point[3],
                                                   const float normal[3]);
 
@@ -192,7 +198,7 @@ CHIARO_API ChiaroBlocker chiaro_primitive_blocker(const ChiaroPrimitive *node, c
  * Each one adds what the others, those of larger form first, leave of its cap: what lies apart is summed, what lies
  * behind another one is not counted again, and several that overlap the same cap count as independent of each other.
  * @param count at most CHIARO_MAX_BLOCKERS; the largest are taken where there are more. Their order does not matter.
- * @thread_safety any thread. */
+ * @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API float chiaro_blockers_combine(const ChiaroBlocker *blockers, uint32_t count);
 
 #ifdef __cplusplus

@@ -268,11 +268,11 @@ typedef struct ChiaroVulkanApi {
     ChiaroResult (*create)(const ChiaroVulkanDesc *desc, ChiaroVulkan **context);
 
     /** Frees everything, at once: the device must have finished all frames. NULL is allowed.
-     * @thread_safety one thread per context. @lifetime ends the context. */
+     * @thread_safety one thread per context. @lifetime ends the context. @errors none. */
     void (*destroy)(ChiaroVulkan *context);
 
     /** The descriptor with every default resolved. @param desc struct_size set by the caller.
-     * @errors CHIARO_ERROR_ARGUMENT. @thread_safety one thread per context. */
+     * @errors CHIARO_ERROR_ARGUMENT. @thread_safety one thread per context. @lifetime nothing is kept. */
     ChiaroResult (*desc_get)(const ChiaroVulkan *context, ChiaroVulkanDesc *desc);
 
     /** Uploads a baked scene and replaces the one before, if any. May allocate. On failure there is no scene.
@@ -283,42 +283,47 @@ typedef struct ChiaroVulkanApi {
      * @lifetime the block that the transport views must stay until the scene is replaced or unloaded. */
     ChiaroResult (*scene_load)(ChiaroVulkan *context, const ChiaroVulkanLoad *load);
 
-    /** Lets the scene go; memory is freed by a later update(). @thread_safety one thread per context. */
+    /** Lets the scene go; memory is freed by a later update(). @thread_safety one thread per context. @errors none.
+     * @lifetime ends what buffers() and sets() told. */
     void (*scene_unload)(ChiaroVulkan *context);
 
     /** Sets all lights. Those without intensity do not count. May allocate when their number grows.
      * @param lights may be NULL if count is 0; copied. On failure the lights before stay.
      * @errors CHIARO_ERROR_ARGUMENT (a bad light, too many), _MEMORY, _DEVICE, _UNSUPPORTED.
-     * @thread_safety one thread per context. */
+     * @thread_safety one thread per context. @lifetime `lights` is copied. */
     ChiaroResult (*lights_set)(ChiaroVulkan *context, const ChiaroLight *lights, uint32_t count);
 
     /** Sets the sky. May allocate. Its sun (chiaro_sky_split) shines as one more light with a shadow map, beside
      * CHIARO_MAX_LIGHTS, where bounce light is on; it counts as indirect light, as all light of the sky does.
      * @param sky NULL: none; copied. On failure there is no sky.
-     * @errors CHIARO_ERROR_ARGUMENT, _MEMORY, _DEVICE, _UNSUPPORTED. @thread_safety one thread per context. */
+     * @errors CHIARO_ERROR_ARGUMENT, _MEMORY, _DEVICE, _UNSUPPORTED. @thread_safety one thread per context. @lifetime
+     * `sky` is copied. */
     ChiaroResult (*sky_set)(ChiaroVulkan *context, const ChiaroSky *sky);
 
     /** Chooses what is shown. May create pipelines.
      * @errors CHIARO_ERROR_ARGUMENT (also: bounce light on, but the scene was loaded without), _MEMORY, _DEVICE.
-     * @thread_safety one thread per context. */
+     * @thread_safety one thread per context. @lifetime nothing is kept. */
     ChiaroResult (*settings_set)(ChiaroVulkan *context, const ChiaroVulkanSettings *settings);
 
     /** Shadow maps, sample lighting and gathers, if a light, the sky or the scene changed; frees what has retired.
      * Must be OUTSIDE a render pass. Never allocates.
-     * @errors CHIARO_ERROR_ARGUMENT. @thread_safety one thread per context. */
+     * @errors CHIARO_ERROR_ARGUMENT. @thread_safety one thread per context. @lifetime nothing is kept. */
     ChiaroResult (*update)(ChiaroVulkan *context, const ChiaroVulkanUpdate *update);
 
     /** Draws the scene and, in the full component, the sky behind it (alpha 0; surfaces have alpha 1).
      * Must be INSIDE a render pass compatible with the descriptor, or dynamic rendering with its formats.
-     * Never allocates. @errors CHIARO_ERROR_ARGUMENT, _SCENE (none loaded). @thread_safety one thread per context. */
+     * Never allocates. @errors CHIARO_ERROR_ARGUMENT, _SCENE (none loaded). @thread_safety one thread per context.
+     * @lifetime nothing is kept. */
     ChiaroResult (*draw)(ChiaroVulkan *context, const ChiaroVulkanDraw *draw);
 
     /** Every feature by name, used or left out, with the reason.
      * @param features receives at most *count entries; NULL: none. @param count capacity in, number of features out.
-     * @thread_safety one thread per context. */
+     * @thread_safety one thread per context. @errors none; without a context or a count nothing is done. @lifetime
+     * nothing is kept. */
     void (*describe)(const ChiaroVulkan *context, ChiaroVulkanFeature *features, uint32_t *count);
 
-    /** Numbers. @errors CHIARO_ERROR_ARGUMENT (struct_size). @thread_safety one thread per context. */
+    /** Numbers. @errors CHIARO_ERROR_ARGUMENT (struct_size). @thread_safety one thread per context. @lifetime nothing
+     * is kept. */
     ChiaroResult (*stats)(const ChiaroVulkan *context, ChiaroVulkanStats *stats);
 
     /** Buffers of the bounce light, usage TRANSFER_SRC. After update() they are visible to shaders, not yet to transfers.
@@ -335,15 +340,18 @@ typedef struct ChiaroVulkanApi {
      * @lifetime until objects_unload(), or until the scene is loaded anew or unloaded. */
     ChiaroResult (*objects_load)(ChiaroVulkan *context, const ChiaroVulkanObjects *objects);
 
-    /** Lets all objects go; memory is freed by a later update(). @thread_safety one thread per context. */
+    /** Lets all objects go; memory is freed by a later update(). @thread_safety one thread per context. @errors none.
+     * @lifetime ends the objects. */
     void (*objects_unload)(ChiaroVulkan *context);
 
     /** Shows an object of the world as a mesh, from the next update() on; one that the world removes is hidden.
      * @param id its number in the world. @param mesh number in ChiaroVulkanObjects.meshes; CHIARO_NONE: hides it.
-     * @errors CHIARO_ERROR_ARGUMENT. @thread_safety one thread per context. */
+     * @errors CHIARO_ERROR_ARGUMENT. @thread_safety one thread per context. @lifetime until it is hidden, or the
+     * objects are unloaded. */
     ChiaroResult (*object_show)(ChiaroVulkan *context, uint32_t id, uint32_t mesh);
 
-    /** Numbers about objects. @errors CHIARO_ERROR_ARGUMENT (struct_size). @thread_safety one thread per context. */
+    /** Numbers about objects. @errors CHIARO_ERROR_ARGUMENT (struct_size). @thread_safety one thread per context.
+     * @lifetime nothing is kept. */
     ChiaroResult (*object_stats)(const ChiaroVulkan *context, ChiaroVulkanObjectStats *stats);
 
     /* Since version 3. */
@@ -362,7 +370,8 @@ typedef struct ChiaroVulkanApi {
 } ChiaroVulkanApi;
 
 /** The table of functions, or NULL if the library is older than `version` or `version` is 0.
- * @param version CHIARO_VULKAN_API_VERSION of the host's header. @thread_safety any thread. @lifetime for ever. */
+ * @param version CHIARO_VULKAN_API_VERSION of the host's header. @thread_safety any thread. @lifetime for ever. @errors
+ * none but NULL. */
 CHIARO_API const ChiaroVulkanApi *chiaro_vulkan_get_api(uint32_t version);
 
 typedef const ChiaroVulkanApi *(*ChiaroVulkanGetApi)(uint32_t version);

@@ -94,7 +94,8 @@ typedef struct ChiaroObject {
 /** Reads a baked object in place: checks magic, version, checksum, and every count, index and range.
  * @param data the bytes, aligned to 16, which must outlive `object`. @param size their number.
  * @param object receives views into `data`. @param log gets the reason of a refusal; may be NULL.
- * @errors CHIARO_ERROR_ARGUMENT, CHIARO_ERROR_DATA, CHIARO_ERROR_VERSION. @thread_safety any thread. */
+ * @errors CHIARO_ERROR_ARGUMENT, CHIARO_ERROR_DATA, CHIARO_ERROR_VERSION. @thread_safety any thread. @lifetime that of
+ * `data`. */
 CHIARO_API ChiaroResult chiaro_object_open(const void *data, size_t size, ChiaroObject *object, const ChiaroLog *log);
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -126,14 +127,16 @@ typedef struct ChiaroWorldDesc {
  * @thread_safety any thread. @lifetime until chiaro_world_destroy(). */
 CHIARO_API ChiaroResult chiaro_world_create(const ChiaroWorldDesc *desc, ChiaroWorld **world);
 
-/** @param world may be NULL. @thread_safety one thread a world. */
+/** @param world may be NULL. @thread_safety one thread a world. @errors none. @lifetime ends the world. */
 CHIARO_API void chiaro_world_destroy(ChiaroWorld *world);
 
-/** The description with every default filled in. @thread_safety one thread a world. @lifetime that of the world. */
+/** The description with every default filled in. @thread_safety one thread a world. @lifetime that of the world.
+ * @errors none. */
 CHIARO_API const ChiaroWorldDesc *chiaro_world_desc(const ChiaroWorld *world);
 
 /** Sets the sky behind everything. Reads the whole image: for loading, not for every frame.
- * @param sky NULL: black; not needed afterwards. @errors CHIARO_ERROR_ARGUMENT. @thread_safety one thread a world. */
+ * @param sky NULL: black; not needed afterwards. @errors CHIARO_ERROR_ARGUMENT. @thread_safety one thread a world.
+ * @lifetime nothing is kept. */
 CHIARO_API ChiaroResult chiaro_world_sky(ChiaroWorld *world, const ChiaroSky *sky);
 
 /** Ideas that a world can do without, to see what each one does: bits, with the values of ChiaroVulkanWithout. */
@@ -145,7 +148,8 @@ typedef enum ChiaroWorldWithout {
 } ChiaroWorldWithout;
 
 /** Takes ideas out, puts the others back: beginning with the next round.
- * @param without bits of ChiaroWorldWithout; others are left alone. @thread_safety one thread a world. */
+ * @param without bits of ChiaroWorldWithout; others are left alone. @errors none. @thread_safety one thread a world.
+ * @lifetime nothing is kept. */
 CHIARO_API void chiaro_world_without(ChiaroWorld *world, uint32_t without);
 
 /** Light, as the static scene has it. Zero: dark. */
@@ -172,17 +176,17 @@ CHIARO_API ChiaroResult chiaro_world_light(ChiaroWorld *world, const ChiaroWorld
  * @param object copied; what it views must outlive the placed object. @param transform 16 floats.
  * @param id receives the number by which it is called from now on: less than object_capacity.
  * @errors CHIARO_ERROR_ARGUMENT: the transform; CHIARO_ERROR_MEMORY: a capacity of the world is used up.
- * @thread_safety one thread a world. */
+ * @thread_safety one thread a world. @lifetime until chiaro_object_remove(). */
 CHIARO_API ChiaroResult chiaro_object_add(ChiaroWorld *world, const ChiaroObject *object, const float transform[16],
                                           uint32_t *id);
 
 /** Moves an object; counts from the next round on.
  * @errors CHIARO_ERROR_ARGUMENT: no such object; a matrix that does more than rotate, scale evenly and move.
- * @thread_safety one thread a world. */
+ * @thread_safety one thread a world. @lifetime nothing is kept. */
 CHIARO_API ChiaroResult chiaro_object_move(ChiaroWorld *world, uint32_t id, const float transform[16]);
 
 /** Takes an object away. Its number and its slots may be given to another one.
- * @errors CHIARO_ERROR_ARGUMENT: no such object. @thread_safety one thread a world. */
+ * @errors CHIARO_ERROR_ARGUMENT: no such object. @thread_safety one thread a world. @lifetime ends its number. */
 CHIARO_API ChiaroResult chiaro_object_remove(ChiaroWorld *world, uint32_t id);
 
 /** Rises whenever an object is added, moved or removed. @errors none. @thread_safety one thread a world.
@@ -196,14 +200,16 @@ typedef struct ChiaroObjectState {
     uint32_t first_slot, part_count; /**< Part p has the cube of slot first_slot + p. */
 } ChiaroObjectState;
 
-/** @return false: no such object. @thread_safety one thread a world. @lifetime of `object`: until it is removed. */
+/** @return false: no such object. @thread_safety one thread a world. @lifetime of `object`: until it is removed.
+ * @errors none. */
 CHIARO_API bool chiaro_object_state(const ChiaroWorld *world, uint32_t id, ChiaroObjectState *state);
 
 /** Repaints cubes: the next ones of the round. Where a budget is left at the end of a round, it ends there: at most one
  * round a call.
  * @param budget cubes, at most. Objects are not split: one with more parts than that is painted as a whole.
  * @param painted receives the slots that changed: room for budget + CHIARO_MAX_OBJECT_PARTS; NULL: not wanted.
- * @return how many were painted; 0: all is settled, or the budget was 0. @thread_safety one thread a world. */
+ * @return how many were painted; 0: all is settled, or the budget was 0. @thread_safety one thread a world. @errors
+ * none. @lifetime nothing is kept. */
 CHIARO_API uint32_t chiaro_world_update(ChiaroWorld *world, uint32_t budget, uint32_t *painted);
 
 /** Where the eye is: what changed most on screen is painted first. Without it, what changed most.
@@ -239,12 +245,13 @@ typedef struct ChiaroWorldCube {
 } ChiaroWorldCube;
 
 /** @param slot less than cube_capacity. @return false: no such slot. @thread_safety one thread a world.
- * @lifetime until the slot is painted again, or its object removed. */
+ * @lifetime until the slot is painted again, or its object removed. @errors none. */
 CHIARO_API bool chiaro_world_cube(const ChiaroWorld *world, uint32_t slot, ChiaroWorldCube *cube);
 
 /** Light on a vertex of an object, as the shader computes it.
  * @param vertex less than the object's vertex_count. @param irradiance receives three floats, never negative.
- * @errors CHIARO_ERROR_ARGUMENT: no such object or vertex. @thread_safety one thread a world. */
+ * @errors CHIARO_ERROR_ARGUMENT: no such object or vertex. @thread_safety one thread a world. @lifetime nothing is
+ * kept. */
 CHIARO_API ChiaroResult chiaro_object_irradiance(const ChiaroWorld *world, uint32_t id, uint32_t vertex,
                                                  float irradiance[3]);
 
@@ -291,7 +298,7 @@ CHIARO_API ChiaroResult chiaro_world_ages(const ChiaroWorld *world, ChiaroWorldA
 CHIARO_API uint32_t chiaro_object_age(const ChiaroWorld *world, uint32_t id);
 
 /** The neighbour lists: kind 0 gives light, kind 1 occludes. Indices are the objects' numbers.
- * @thread_safety one thread a world. @lifetime lists until the next chiaro_world_update(). */
+ * @thread_safety one thread a world. @lifetime lists until the next chiaro_world_update(). @errors none. */
 CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *world);
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -339,23 +346,24 @@ typedef struct ChiaroWorldBlockers {
     float size; /**< Of a cell, m. */
 } ChiaroWorldBlockers;
 
-/** @thread_safety one thread a world. @lifetime until the next chiaro_world_update(). */
+/** @thread_safety one thread a world. @lifetime until the next chiaro_world_update(). @errors none. */
 CHIARO_API void chiaro_world_blockers(const ChiaroWorld *world, ChiaroWorldBlockers *blockers);
 
 /** What objects do to a point of a static surface; see the top of this file.
  * @param point, normal the receiver, in the world. @param bounce receives three floats, W/m^2.
- * @return the open share of its ambient light, 0 .. 1. @thread_safety one thread a world. */
+ * @return the open share of its ambient light, 0 .. 1. @thread_safety one thread a world. @errors none. @lifetime
+ * nothing is kept. */
 CHIARO_API float chiaro_world_blocked(const ChiaroWorld *world, const float point[3], const float normal[3],
                                       float bounce[3]);
 
 /** Form factor of a rectangle with corners center +- across +- along, seen from the side of cross(across, along) only.
  * Lambert's sum over its edges, for corners that are moved up to the horizon where they lie below it: exact where
  * all of it is above, as with walls on a floor. A receiver in its plane counts as just in front of it.
- * @thread_safety any thread. */
+ * @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API float chiaro_rectangle_form(const float point[3], const float normal[3], const float center[3],
                                        const float across[3], const float along[3]);
 
-/** 1 - (distance / reach)^4, at least 0. @thread_safety any thread. */
+/** 1 - (distance / reach)^4, at least 0. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
 CHIARO_API float chiaro_blocker_window(float distance, float reach);
 
 #ifdef __cplusplus

@@ -338,7 +338,8 @@ bool host_buffer_create(Host *host, VkDeviceSize size, HostBuffer *buffer)
     VkBufferCreateInfo info = {.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO,
                                .size = size,
                                .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
-                                        VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | VK_BUFFER_USAGE_INDEX_BUFFER_BIT};
+                                        VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | VK_BUFFER_USAGE_INDEX_BUFFER_BIT |
+                                        VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT};
     VkMemoryRequirements need;
     *buffer = (HostBuffer){.size = size};
     if (!host_check(host, vkCreateBuffer(host->device, &info, NULL, &buffer->buffer), "vkCreateBuffer"))

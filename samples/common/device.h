@@ -95,7 +95,7 @@ void host_read_target(Host *host);
 void host_show_target(Host *host);
 const float *host_pixels(const Host *host);
 
-/* A buffer that the CPU sees, for copies, vertices and indices. */
+/* A buffer that the CPU sees: for copies, vertices, indices, uniforms. */
 bool host_buffer_create(Host *host, VkDeviceSize size, HostBuffer *buffer);
 void host_buffer_destroy(Host *host, HostBuffer *buffer);
 /* Copies what update() wrote: to be recorded after it. */

@@ -11,7 +11,7 @@
 enum { DEFAULT_LATENCY = 4 };
 
 /* What an item of a kind is taken to cost falls by this much a time toward what it does cost; it rises at once. */
-static const float FORGET = 1.0f / 16;
+static const float FORGET = 1.0f / 128;
 
 typedef struct Due {
     uint64_t since; /* frame */

@@ -271,13 +271,22 @@ uint32_t chiaro_vulkan_microseconds(const ChiaroVulkan *context, uint64_t since)
     return clock->now ? (uint32_t)((clock->now(clock->user) - since) / 1000) : 0;
 }
 
+void chiaro_vulkan_lap(ChiaroVulkan *context, uint32_t lap)
+{
+    const ChiaroClock *clock = &context->desc.clock;
+    uint64_t now = clock->now ? clock->now(clock->user) : 0;
+    context->laps[lap] += now - context->lap_began;
+    context->lap_began = now;
+}
+
 static ChiaroResult update(ChiaroVulkan *context, const ChiaroVulkanUpdate *given)
 {
     ChiaroVulkanUpdate whole, *info = &whole;
     if (!context || !chiaro_take_struct(info, sizeof *info, given, CHIARO_SIZE_BEFORE(ChiaroVulkanUpdate, budget)))
         return CHIARO_ERROR_ARGUMENT;
     const ChiaroClock *clock = &context->desc.clock;
-    context->update_began = clock->now ? clock->now(clock->user) : 0;
+    context->update_began = context->lap_began = clock->now ? clock->now(clock->user) : 0;
+    memset(context->laps, 0, sizeof context->laps);
     if (info->gpu_units && !context->desc.sliced)
         return refuse(context, "update: gpu_units needs ChiaroVulkanDesc.sliced");
     if (!context->desc.shadow_layout != !info->shadow_set)
@@ -290,9 +299,8 @@ static ChiaroResult update(ChiaroVulkan *context, const ChiaroVulkanUpdate *give
     context->tasks = 0;
     context->upload_bytes = 0;
     chiaro_objects_update(context, info);
-    context->objects_microseconds = chiaro_vulkan_microseconds(context, context->update_began);
     chiaro_record_update(context, info->command_buffer, info);
-    context->microseconds = chiaro_vulkan_microseconds(context, context->update_began);
+    chiaro_vulkan_lap(context, LAP_BOUNCE);
     return CHIARO_OK;
 }
 
@@ -359,11 +367,13 @@ static ChiaroResult object_stats(const ChiaroVulkan *context, ChiaroVulkanObject
 typedef struct FeatureList {
     ChiaroVulkanFeature *features;
     uint32_t capacity, count;
+    ChiaroVulkanFeature *last; /* that was added; NULL: there was no room */
 } FeatureList;
 
 /* `missing` NULL: used. */
 static void add_feature(FeatureList *list, const char *name, const char *missing, const char *present, uint64_t bytes)
 {
+    list->last = list->count < list->capacity ? &list->features[list->count] : NULL;
     if (list->count < list->capacity) {
         ChiaroVulkanFeature *feature = &list->features[list->count];
         memset(feature, 0, sizeof *feature);
@@ -373,6 +383,12 @@ static void add_feature(FeatureList *list, const char *name, const char *missing
         feature->bytes = bytes;
     }
     list->count++;
+}
+
+static void add_time(const ChiaroVulkan *context, FeatureList *list, uint32_t lap)
+{
+    if (list->last)
+        list->last->microseconds = (uint32_t)(context->laps[lap] / 1000);
 }
 
 static const char *why_no_gi(const ChiaroVulkan *context)
@@ -400,16 +416,19 @@ static void describe_lights(const ChiaroVulkan *context, FeatureList *list)
     const ChiaroVulkanDesc *desc = &context->desc;
     bool lit = chiaro_vulkan_lights(context) > 0, punctual = context->scene.arena && lights->count > 0;
     bool indirect = context->settings.component == CHIARO_COMPONENT_INDIRECT;
+    bool own = chiaro_vulkan_own_shadows(context);
+    const char *no_map = !lit ? "no lights" : own ? NULL : "the host tests shadows itself";
     uint64_t face = 4 * 6 * (uint64_t)desc->face_shadow_size * desc->face_shadow_size * lights->face_capacity;
     uint64_t wide = 4 * (uint64_t)desc->wide_shadow_size * desc->wide_shadow_size * lights->wide_capacity;
     add_feature(list, "punctual light", !punctual ? "no lights" : indirect ? "the indirect component has none" : NULL,
                 "the scene has lights", lights->arena ? lights->bytes - face - wide : 0);
-    add_feature(list, "face shadow maps", !lit ? "no lights" : has_kind(context, true) ? NULL : "no point lights",
+    add_feature(list, "face shadow maps", no_map ? no_map : has_kind(context, true) ? NULL : "no point lights",
                 "the scene has point lights", face);
-    add_feature(list, "wide shadow maps", !lit ? "no lights" : has_kind(context, false) ? NULL : "no spots, no suns",
+    add_time(context, list, LAP_SHADOWS);
+    add_feature(list, "wide shadow maps", no_map ? no_map : has_kind(context, false) ? NULL : "no spots, no suns",
                 "the scene has spots or suns", wide);
     bool masked = context->scene.shadows & ~(1u << SHADOW_OPAQUE);
-    add_feature(list, "masked shadows", !masked ? "no alpha masks" : lit ? NULL : "no lights",
+    add_feature(list, "masked shadows", !masked ? "no alpha masks" : no_map,
                 "the scene has alpha masks", 0);
 }
 
@@ -425,12 +444,15 @@ static void describe_objects(const ChiaroVulkan *context, FeatureList *list)
     chiaro_objects_stats(context, &stats);
     uint64_t back = there && objects->has_gi ? objects->blockers.size + objects->grid.size : 0;
     add_feature(list, "moving objects", missing, "objects are loaded", stats.bytes - stats.cube_bytes - back);
+    add_time(context, list, LAP_OBJECTS);
     add_feature(list, "environment cubes", no_cubes, "objects have them", stats.cube_bytes);
+    add_time(context, list, LAP_CUBES);
     bool blocked = chiaro_forward_lighting(context) & FORWARD_BLOCKED;
     bool unblocked = chiaro_vulkan_without(context, CHIARO_WITHOUT_BLOCKERS);
     const char *no_blockers = unblocked ? "turned off" : "there is no static bounce light";
     add_feature(list, "objects on static light", no_cubes ? no_cubes : blocked ? NULL : no_blockers,
                 "objects block and give it", back);
+    add_time(context, list, LAP_BLOCKERS);
 }
 
 static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features, uint32_t *count)
@@ -439,7 +461,7 @@ static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features,
         return;
     const SceneState *scene = &context->scene;
     const char *no_gi = why_no_gi(context);
-    FeatureList list = {features, features ? *count : 0, 0};
+    FeatureList list = {.features = features, .capacity = features ? *count : 0};
     bool textured = false, masked = false, lit = chiaro_vulkan_lights(context) > 0;
     for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++) {
         textured |= (scene->surfaces >> kind & 1) && (kind & SURFACE_TEXTURED);
@@ -451,6 +473,9 @@ static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features,
     add_feature(&list, "alpha masks", masked ? NULL : "no material has one", "materials have them", 0);
     describe_lights(context, &list);
     add_feature(&list, "bounce light", no_gi, "links carry it", scene->gi_bytes);
+    add_time(context, &list, LAP_BOUNCE);
+    add_feature(&list, "slices", no_gi ? no_gi : context->desc.sliced ? NULL : "the descriptor does not ask for them",
+                "passes may be cut", context->desc.sliced ? scene->coming.size : 0);
     add_feature(&list, "sample lighting", no_gi ? no_gi : lit ? NULL : "no lights", "lights reach samples", 0);
     add_feature(&list, "emitters", no_gi ? no_gi : scene->emitters > 0 ? NULL : "nothing emits", "samples emit", 0);
     bool sky_leaves = context->sky.set && scene->transport.sky_count > 0;
@@ -465,9 +490,12 @@ static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features,
                 "a light of its own", 0);
     describe_objects(context, &list);
     bool full = context->settings.component == CHIARO_COMPONENT_FULL;
-    add_feature(&list, "sky background", !context->sky.set ? "no sky" : full ? NULL : "only the full component has it",
+    const char *hosts = context->desc.light_only ? "the host draws" : NULL;
+    add_feature(&list, "drawing", hosts ? hosts : scene->arena ? NULL : "none loaded", "Chiaro draws the scene", 0);
+    const char *no_sky = !context->sky.set ? "no sky" : hosts;
+    add_feature(&list, "sky background", no_sky ? no_sky : full ? NULL : "only the full component has it",
                 "the sky is set", context->sky.bytes);
-    add_feature(&list, "tone map", context->settings.tone_map ? NULL : "linear radiance is wanted", "turned on", 0);
+    add_feature(&list, "tone map", hosts ? hosts : context->settings.tone_map ? NULL : "linear radiance is wanted", "turned on", 0);
     *count = list.count;
 }
 
@@ -482,7 +510,7 @@ static ChiaroResult stats(const ChiaroVulkan *context, ChiaroVulkanStats *out)
                              .shadow_passes = context->shadow_passes,
                              .updates = context->updates,
                              .tasks = context->tasks,
-                             .microseconds = context->microseconds,
+                             .microseconds = (uint32_t)((context->lap_began - context->update_began) / 1000),
                              .upload_bytes = context->upload_bytes};
     chiaro_bounce_stats(context, &now);
     ChiaroWorldAges ages = {.struct_size = sizeof ages};

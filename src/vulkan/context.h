@@ -341,6 +341,9 @@ void chiaro_record_draw(ChiaroVulkan *context, const ChiaroVulkanDraw *draw);
 
 /* ---- the context -------------------------------------------------------------------------------------------------- */
 
+/* What the time of an update goes to. */
+enum { LAP_OBJECTS, LAP_CUBES, LAP_BLOCKERS, LAP_SHADOWS, LAP_BOUNCE, LAPS };
+
 struct ChiaroVulkan {
     ChiaroVulkanDesc desc; /* resolved */
     VulkanFunctions vk;
@@ -362,14 +365,16 @@ struct ChiaroVulkan {
     Pipeline sky_background, gi[GI_PASSES], shadow[SHADOW_KINDS];
     bool gi_changed; /* something that bounce light depends on has changed since the last update */
     uint32_t *sample_code; /* the host's */
-    uint32_t dispatches, shadow_passes, tasks, microseconds, objects_microseconds; /* of the last update */
-    uint64_t update_began; /* nanoseconds */
+    uint32_t dispatches, shadow_passes, tasks; /* of the last update */
+    uint64_t update_began, lap_began, laps[LAPS]; /* nanoseconds; the last: of the last update */
     uint64_t updates, upload_bytes;
 };
 
 bool chiaro_functions_load(ChiaroVulkan *context);
 /* By the host's clock, which told `since`; 0 without one. */
 uint32_t chiaro_vulkan_microseconds(const ChiaroVulkan *context, uint64_t since);
+/* The time since the last lap, or the beginning of the update, went to this. */
+void chiaro_vulkan_lap(ChiaroVulkan *context, uint32_t lap);
 
 /* Bounce light is wanted, possible, and not black. */
 static inline bool chiaro_vulkan_gi(const ChiaroVulkan *context)
@@ -436,7 +441,7 @@ static inline uint32_t chiaro_direct_lighting(const ChiaroVulkan *context)
 
 static inline bool chiaro_vulkan_background(const ChiaroVulkan *context)
 {
-    return context->sky.set && context->settings.component == CHIARO_COMPONENT_FULL;
+    return context->sky.set && context->settings.component == CHIARO_COMPONENT_FULL && !context->desc.light_only;
 }
 
 #endif

@@ -609,6 +609,7 @@ void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info
         state->blockers_due = true;
     }
     follow_shadows(context);
+    chiaro_vulkan_lap(context, LAP_OBJECTS);
     if (chiaro_vulkan_object_gi(context)) {
         take_light(context, info->completed_frame);
         run_world(context, info);
@@ -616,7 +617,9 @@ void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info
         for (uint32_t i = 0; i < state->painted_count; i++)
             take_cube(context, commands, state->painted[i]);
         fade_cubes(context, commands);
+        chiaro_vulkan_lap(context, LAP_CUBES);
         write_blockers(context, commands);
+        chiaro_vulkan_lap(context, LAP_BLOCKERS);
     }
     chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT,
                           VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT,

@@ -88,7 +88,7 @@ ChiaroResult chiaro_layouts_create(ChiaroVulkan *context)
         gi[i] = (VkDescriptorSetLayoutBinding){i, buffer, 1, compute, NULL};
     Layouts *layouts = &context->layouts;
     layouts->none = create_set_layout(context, arena, 0, NULL);
-    layouts->lights = create_set_layout(context, arena, 3, lights);
+    layouts->lights = create_set_layout(context, arena, chiaro_vulkan_own_shadows(context) ? 3 : 1, lights);
     layouts->gi = create_set_layout(context, arena, GI_BINDINGS, gi);
     layouts->irradiance = create_set_layout(context, arena, 1, irradiance);
     layouts->texture = create_set_layout(context, arena, 2, textures);

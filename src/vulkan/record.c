@@ -268,6 +268,7 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands, const
     }
     if (lights && chiaro_vulkan_own_shadows(context))
         record_shadow_maps(context, commands);
+    chiaro_vulkan_lap(context, LAP_SHADOWS);
     if (bounce) {
         chiaro_bounce_record(context, commands, info);
         chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT,

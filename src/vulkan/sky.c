@@ -61,7 +61,7 @@ ChiaroResult chiaro_sky_take(ChiaroVulkan *context, const ChiaroSky *sky)
     SkyState *state = &context->sky, made = {.changed = true};
     if (sky && sky->radiance) {
         ChiaroResult result = copy_sky(context, sky, &made);
-        if (result == CHIARO_OK)
+        if (result == CHIARO_OK && !context->desc.light_only)
             result = create_image(context, sky, &made);
         if (result != CHIARO_OK) {
             release_image(context, &made);
