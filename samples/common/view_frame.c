@@ -22,7 +22,7 @@ enum { FEATURES = 32, DEFAULT_BUDGET = 2000, UNLIMITED = 1000000, LAST_SHOT = 99
 #define LAMP_REACH 14.0f /* pixels */
 #define MARGIN 6.0f
 
-static const uint8_t white[4] = {255, 255, 255, 255}, grey[4] = {200, 200, 200, 255}, shade[4] = {0, 0, 0, 150};
+static const uint8_t white[4] = {255, 255, 255, 255}, grey[4] = {200, 200, 200, 255}, shade[4] = {0, 0, 0, 190};
 
 static void must(const Viewer *viewer, bool good)
 {
