@@ -78,15 +78,19 @@ static bool make_shine(ChiaroWorld *world, Shine *shine)
     return shine->texels && shine->axes;
 }
 
+static bool make_cells(ChiaroWorld *world, CellGrid *grid)
+{
+    size_t cells = chiaro_world_cells(world->desc.object_capacity);
+    grid->cells = chiaro_world_alloc(world, cells, sizeof *grid->cells);
+    grid->entries = chiaro_world_alloc(world, cells * CHIARO_MAX_CELL_BLOCKERS, sizeof *grid->entries);
+    return grid->cells && grid->entries;
+}
+
 static bool make_grid(ChiaroWorld *world, BlockerGrid *grid)
 {
-    size_t entries = (size_t)CHIARO_MAX_WORLD_CELLS * CHIARO_MAX_CELL_BLOCKERS;
     size_t blockers = (size_t)world->desc.object_capacity * CHIARO_MAX_OBJECT_BLOCKERS;
     grid->blockers = chiaro_world_alloc(world, blockers, sizeof *grid->blockers);
-    grid->first = chiaro_world_alloc(world, CHIARO_MAX_WORLD_CELLS, sizeof *grid->first);
-    grid->entries = chiaro_world_alloc(world, entries, sizeof *grid->entries);
-    grid->weights = chiaro_world_alloc(world, entries, sizeof *grid->weights);
-    return grid->blockers && grid->first && grid->entries && grid->weights;
+    return grid->blockers && make_cells(world, &grid->near) && make_cells(world, &grid->far);
 }
 
 static bool make_values(ChiaroWorld *world, StaticLight *light)
@@ -172,15 +176,21 @@ void chiaro_world_destroy(ChiaroWorld *world)
 {
     if (!world)
         return;
+    BlockerGrid *grids[2] = {&world->grid, &world->shown};
     void *all[] = {world->sky, world->sky_slopes, world->bodies, world->slot_taken, world->slot_body,
-                   world->slot_painted, world->element_taken, world->encoded, world->scales, world->items, world->item_order,
-                   world->radiosity, world->neighbour_memory, world->neighbour_objects,
+                   world->slot_painted, world->element_taken, world->encoded, world->scales, world->items,
+                   world->item_order, world->radiosity, world->neighbour_memory, world->neighbour_objects,
                    world->kernel_memory, world->last.texels, world->last.axes, world->next.texels, world->next.axes,
-                   world->grid.blockers, world->grid.first, world->grid.entries, world->grid.weights,
-                   world->shown.blockers, world->shown.first, world->shown.entries, world->shown.weights, world->albedo,
+                   world->albedo,
                    world->roots, world->stack, world->tiles, world->tile_first, world->light.lights,
-                   world->light.total, world->light.ambient,
-                   world->coming.lights, world->coming.total, world->coming.ambient};
+                   world->light.total, world->light.ambient, world->coming.lights, world->coming.total,
+                   world->coming.ambient};
+    for (uint32_t k = 0; k < 2; k++) {
+        void *parts[] = {grids[k]->blockers, grids[k]->near.cells, grids[k]->near.entries, grids[k]->far.cells,
+                         grids[k]->far.entries};
+        for (size_t i = 0; i < sizeof parts / sizeof *parts; i++)
+            chiaro_world_free(world, parts[i]);
+    }
     chiaro_cube_kernel_destroy(world->kernel);
     for (size_t k = 0; k < sizeof all / sizeof *all; k++)
         chiaro_world_free(world, all[k]);
@@ -331,8 +341,8 @@ ChiaroResult chiaro_object_add(ChiaroWorld *world, const ChiaroObject *object, c
         return CHIARO_ERROR_MEMORY;
     }
     Body *body = &world->bodies[n];
-    *body = (Body){.object = *object, .used = true, .now = pose, .pose = pose, .first_slot = slot,
-                   .first_element = element};
+    *body = (Body){.object = *object, .used = true, .ball = chiaro_object_is_ball(object), .now = pose, .pose = pose,
+                   .first_slot = slot, .first_element = element};
     memcpy(body->transform, transform, sizeof body->transform);
     for (uint32_t e = 0; e < object->element_count; e++)
         body->shines = body->shines || vec3_max(vec3_load(object->element_more[e].emission)) > 0;

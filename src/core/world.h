@@ -7,7 +7,8 @@
  *   world_static.c    the static tree as a cube's centre sees it: items, near ones in small pieces
  *   world_paint.c     a cube, painted: items, neighbours, sky, smoothing, what is near seen from the skin
  *   world_near.c      what is near a hull, summed for one normal
- *   world_blockers.c  what objects do to static surfaces
+ *   world_blockers.c  what stands for an object where it acts on static surfaces
+ *   world_cells.c     which of them matter where, and what they do there
  */
 #ifndef CHIARO_WORLD_INTERNAL_H
 #define CHIARO_WORLD_INTERNAL_H
@@ -41,6 +42,7 @@ typedef struct Body {
     bool present; /* in this round */
     bool painted; /* in this round */
     bool shines;  /* by itself */
+    bool ball;    /* chiaro_object_is_ball() */
     float transform[16];
     Pose now, pose; /* as it was told last; as it is in this round */
     uint32_t first_slot, first_element; /* its nodes begin at 2 * first_element */
@@ -58,12 +60,15 @@ typedef struct StaticLight {
     bool lit;               /* there are values */
 } StaticLight;
 
-/* Blockers and their grid. */
+/* The cells of a grid and their entries: as many as may be for each, while they are filled. */
+typedef struct CellGrid {
+    uint32_t *cells, *entries;
+} CellGrid;
+
+/* Blockers and their grids. */
 typedef struct BlockerGrid {
     ChiaroWorldBlocker *blockers;
-    uint32_t *first;   /* one more than there are cells */
-    uint32_t *entries; /* as many as may be for each cell, while it is built */
-    float *weights;    /* of entries */
+    CellGrid near, far;
     ChiaroWorldBlockers view;
 } BlockerGrid;
 
@@ -222,6 +227,11 @@ void chiaro_near_add(Near *near, const NearThing *thing);
 void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4]);
 
 /* --- world_blockers.c --- */
+/* All blockers of an object, at most CHIARO_MAX_OBJECT_BLOCKERS. Returns their number. */
+uint32_t chiaro_blockers_make(const Pose *pose, const ChiaroObject *object, const float *axes, uint32_t id,
+                              ChiaroWorldBlocker *blockers);
+
+/* --- world_cells.c --- */
 /* Fills a grid; `newest`: with poses and light as they are this moment, instead of as the round sees them. */
 void chiaro_blockers_build(ChiaroWorld *world, BlockerGrid *grid, bool newest);
 /* Does a node look like a ball from all sides? */

@@ -286,9 +286,6 @@ uint32_t chiaro_world_update(ChiaroWorld *world, uint32_t budget, uint32_t *pain
     world->updates++;
     if (budget)
         count = work(world, (ChiaroBudget){0}, 0, budget, painted, UINT32_MAX);
-    if (world->shown_stale)
-        chiaro_blockers_build(world, &world->shown, true);
-    world->shown_stale = false;
     return count;
 }
 
