@@ -369,10 +369,13 @@ typedef struct ChiaroBlockedFar {
     float shine[4]; /**< Radiance of the plain balls about, times their forms, and the sum of these forms. */
 } ChiaroBlockedFar;
 
-/** chiaro_world_blocked() in two halves: first by vertex, then by pixel, with what the first half was there.
- * @thread_safety one thread a world. @errors none. @lifetime nothing is kept. */
+/** The first half of chiaro_world_blocked(), by vertex. @param far receives it.
+ * @errors none. @thread_safety one thread a world. @lifetime nothing is kept. */
 CHIARO_API void chiaro_world_blocked_far(ChiaroWorld *world, const float point[3], const float normal[3],
                                          ChiaroBlockedFar *far);
+
+/** The second half, by pixel. @param far what the first half was there. @param bounce receives three floats, W/m^2.
+ * @return the open share of both halves. @errors none. @thread_safety one thread a world. @lifetime nothing is kept. */
 CHIARO_API float chiaro_world_blocked_near(ChiaroWorld *world, const float point[3], const float normal[3],
                                            const ChiaroBlockedFar *far, float bounce[3]);
 
