@@ -356,6 +356,14 @@ CHIARO_API uint32_t chiaro_world_cells(uint32_t object_capacity);
  * @thread_safety one thread a world. @lifetime until the world is next touched. @errors none. */
 CHIARO_API void chiaro_world_blockers(ChiaroWorld *world, ChiaroWorldBlockers *blockers);
 
+/** As they were when chiaro_world_run() last had them whole: where a budget cuts the laying of the grids into slices.
+ * @errors none. @thread_safety one thread a world. @lifetime until the world is next touched. */
+CHIARO_API void chiaro_world_blockers_shown(ChiaroWorld *world, ChiaroWorldBlockers *blockers);
+
+/** False while chiaro_world_run() is laying them anew: then chiaro_world_blockers_shown() would do the rest at once.
+ * @errors none. @thread_safety one thread a world. @lifetime nothing is kept. */
+CHIARO_API bool chiaro_world_blockers_ready(const ChiaroWorld *world);
+
 /** What objects do to a point of a static surface; see the top of this file.
  * @param point, normal the receiver, in the world. @param bounce receives three floats, W/m^2.
  * @return the open share of its ambient light, 0 .. 1. @thread_safety one thread a world. @errors none. @lifetime

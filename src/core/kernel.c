@@ -11,7 +11,7 @@
 enum { DEFAULT_LATENCY = 4 };
 
 /* What an item of a kind is taken to cost falls by this much a time toward what it does cost; it rises at once. */
-static const float FORGET = 1.0f / 128;
+static const float FORGET = 1.0f / 64;
 /* And may be dearer than ever before by so much. */
 static const float MARGIN = 1.25f;
 

@@ -69,6 +69,7 @@ typedef struct CellGrid {
 typedef struct BlockerGrid {
     ChiaroWorldBlocker *blockers;
     CellGrid near, far;
+    uint32_t stage, cursor; /* while it is built */
     ChiaroWorldBlockers view;
 } BlockerGrid;
 
@@ -81,7 +82,7 @@ typedef struct TileBox {
 } TileBox;
 
 /* The kernel's items beyond the bodies. */
-enum { TASK_ROUND, WORLD_TASKS };
+enum { TASK_ROUND, TASK_SHOWN, WORLD_TASKS };
 
 /* A ray of a cube: what part of the texels about it is its own. */
 typedef struct StaticRay {
@@ -147,7 +148,8 @@ struct ChiaroWorld {
     StaticLight light, coming;   /* of the round; of the next one */
     bool light_comes;
 
-    bool changed, shown_stale;
+    bool changed, shown_stale; /* stale: not what it would be */
+    bool shown_wanted, shown_building; /* somebody looks at it; it is not whole now */
     uint64_t light_came, blockers_stale; /* calls when these became so */
     uint64_t moves, updates, round_began; /* chiaro_world_run() calls so far; the one in which the round began */
     ChiaroKernel *kernel_of_rounds; /* items: bodies, then WORLD_TASKS */
@@ -233,6 +235,11 @@ uint32_t chiaro_blockers_make(const Pose *pose, const ChiaroObject *object, cons
 /* --- world_cells.c --- */
 /* Fills a grid; `newest`: with poses and light as they are this moment, instead of as the round sees them. */
 void chiaro_blockers_build(ChiaroWorld *world, BlockerGrid *grid, bool newest);
+/* The same in steps of about so many objects; true: it is whole. Bodies may move and go between steps. */
+void chiaro_blockers_begin(BlockerGrid *grid);
+bool chiaro_blockers_step(ChiaroWorld *world, BlockerGrid *grid, bool newest, uint32_t count);
+/* A step of the grid that is shown; true: it is whole, and has a new revision. */
+bool chiaro_blockers_show(ChiaroWorld *world, uint32_t count);
 /* Does a node look like a ball from all sides? */
 bool chiaro_is_ball(const ChiaroPrimitive *node);
 float chiaro_blockers_at(const BlockerGrid *grid, Vec3 point, Vec3 normal, Vec3 *bounce);

@@ -164,56 +164,112 @@ static void enter_object(const Filling *filling, uint32_t first, uint32_t end, b
     }
 }
 
-/* Cells had room for as many entries as may be. */
-static void pack(const Filling *filling)
+/* Cells had room for as many entries as may be. Goes on at a cell, for so many. */
+static void pack(const Filling *filling, uint32_t *cell, uint32_t count)
 {
-    uint32_t next = 0;
-    for (uint32_t c = 0; c < filling->cells->cell_count; c++) {
-        uint32_t *word = &filling->grid->cells[c], count = CHIARO_CELL_BALLS(*word) + CHIARO_CELL_OTHERS(*word);
+    uint32_t next = *cell ? filling->cells->entry_count : 0;
+    for (; *cell < filling->cells->cell_count && count > 0; ++*cell, count--) {
+        uint32_t *word = &filling->grid->cells[*cell], held = CHIARO_CELL_BALLS(*word) + CHIARO_CELL_OTHERS(*word);
         uint32_t *entries = filling->grid->entries;
-        if (count)
-            memmove(entries + next, entries + (size_t)c * CHIARO_MAX_CELL_BLOCKERS, count * sizeof *entries);
+        if (held)
+            memmove(entries + next, entries + (size_t)*cell * CHIARO_MAX_CELL_BLOCKERS, held * sizeof *entries);
         *word |= next;
-        next += count;
+        next += held;
     }
     filling->cells->entry_count = next;
 }
 
-static void fill_cells(const ChiaroWorld *world, const BlockerGrid *all, CellGrid *grid, ChiaroBlockerCells *cells,
-                       float reach, float edge)
+/* How a grid is built: all blockers; then either kind of cells, plain balls first. */
+enum { BUILD_BLOCKERS, BUILD_NEAR, BUILD_NEAR_OTHERS, BUILD_NEAR_PACK, BUILD_FAR, BUILD_FAR_OTHERS, BUILD_FAR_PACK,
+       BUILD_DONE };
+
+/* Cells are packed so much faster than objects are entered. */
+enum { CELLS_AN_ENTRY = 64 };
+
+static Filling filling_of(BlockerGrid *grid)
 {
-    const ChiaroWorldBlocker *blockers = all->blockers;
-    Filling filling = {grid, cells, blockers, reach};
-    lay_cells(cells, &all->view, chiaro_world_cells(world->desc.object_capacity), reach, edge);
-    cells->cells = grid->cells, cells->entries = grid->entries;
-    memset(grid->cells, 0, cells->cell_count * sizeof *grid->cells);
-    for (uint32_t others = 0; cells->cell_count && others < 2; others++) {
-        for (uint32_t b = 0, end; b < all->view.blocker_count; b = end) {
-            for (end = b + 1; end < all->view.blocker_count && blockers[end].object == blockers[b].object;)
-                end++;
-            bool ball = end == b + 1 && world->bodies[blockers[b].object].ball;
-            if (ball == !others)
-                enter_object(&filling, b, end, ball);
-        }
+    bool near = grid->stage < BUILD_FAR;
+    return (Filling){near ? &grid->near : &grid->far, near ? &grid->view.near : &grid->view.far, grid->blockers,
+                     near ? CHIARO_BLOCKER_NEAR : CHIARO_BLOCKER_REACH};
+}
+
+/* Of bodies that are there, or that the round sees. */
+static void make_blockers(ChiaroWorld *world, BlockerGrid *grid, bool newest, uint32_t count)
+{
+    for (; grid->cursor < world->body_end && count > 0; grid->cursor++, count--) {
+        const Body *body = &world->bodies[grid->cursor];
+        if (newest ? !body->used : !body->present)
+            continue;
+        const float *axes = newest && body->painted ? world->next.axes : world->last.axes;
+        grid->view.blocker_count +=
+            chiaro_blockers_make(newest ? &body->now : &body->pose, &body->object, axes + 36 * (size_t)body->first_element,
+                                 grid->cursor, grid->blockers + grid->view.blocker_count);
     }
-    pack(&filling);
+}
+
+static void begin_cells(const ChiaroWorld *world, BlockerGrid *grid)
+{
+    Filling filling = filling_of(grid);
+    lay_cells(filling.cells, &grid->view, chiaro_world_cells(world->desc.object_capacity), filling.reach,
+              grid->stage == BUILD_NEAR ? NEAR_CELL : FAR_CELL);
+    filling.cells->cells = filling.grid->cells, filling.cells->entries = filling.grid->entries;
+    memset(filling.grid->cells, 0, filling.cells->cell_count * sizeof *filling.grid->cells);
+}
+
+static void enter_blockers(const ChiaroWorld *world, BlockerGrid *grid, bool others, uint32_t count)
+{
+    const ChiaroWorldBlocker *blockers = grid->blockers;
+    Filling filling = filling_of(grid);
+    for (uint32_t end; grid->cursor < grid->view.blocker_count && count > 0; grid->cursor = end, count--) {
+        uint32_t object = blockers[grid->cursor].object;
+        for (end = grid->cursor + 1; end < grid->view.blocker_count && blockers[end].object == object;)
+            end++;
+        bool ball = end == grid->cursor + 1 && world->bodies[object].ball;
+        if (ball == !others && filling.cells->cell_count)
+            enter_object(&filling, grid->cursor, end, ball);
+    }
+}
+
+/* What a stage counts. */
+static uint32_t stage_end(const ChiaroWorld *world, BlockerGrid *grid)
+{
+    switch (grid->stage) {
+    case BUILD_BLOCKERS: return world->body_end;
+    case BUILD_NEAR_PACK:
+    case BUILD_FAR_PACK: return filling_of(grid).cells->cell_count;
+    default: return grid->view.blocker_count;
+    }
+}
+
+void chiaro_blockers_begin(BlockerGrid *grid)
+{
+    grid->stage = BUILD_BLOCKERS, grid->cursor = 0;
+    grid->view.blockers = grid->blockers, grid->view.blocker_count = 0;
+}
+
+bool chiaro_blockers_step(ChiaroWorld *world, BlockerGrid *grid, bool newest, uint32_t count)
+{
+    const Filling filling = filling_of(grid);
+    if (grid->stage == BUILD_BLOCKERS)
+        make_blockers(world, grid, newest, count);
+    else if (grid->stage == BUILD_NEAR_PACK || grid->stage == BUILD_FAR_PACK)
+        pack(&filling, &grid->cursor, count < UINT32_MAX / CELLS_AN_ENTRY ? CELLS_AN_ENTRY * count : count);
+    else
+        enter_blockers(world, grid, grid->stage == BUILD_NEAR_OTHERS || grid->stage == BUILD_FAR_OTHERS, count);
+    if (grid->cursor < stage_end(world, grid))
+        return false;
+    grid->stage++, grid->cursor = 0;
+    if (grid->stage == BUILD_NEAR || grid->stage == BUILD_FAR)
+        begin_cells(world, grid);
+    return grid->stage == BUILD_DONE;
 }
 
 void chiaro_blockers_build(ChiaroWorld *world, BlockerGrid *grid, bool newest)
 {
-    uint32_t count = 0;
-    for (uint32_t n = 0; n < world->body_end; n++) {
-        const Body *body = &world->bodies[n];
-        if (newest ? !body->used : !body->present)
-            continue;
-        const float *axes = newest && body->painted ? world->next.axes : world->last.axes;
-        count += chiaro_blockers_make(newest ? &body->now : &body->pose, &body->object,
-                                      axes + 36 * (size_t)body->first_element, n, grid->blockers + count);
+    chiaro_blockers_begin(grid);
+    while (!chiaro_blockers_step(world, grid, newest, UINT32_MAX)) {
     }
-    grid->view.blockers = grid->blockers, grid->view.blocker_count = count;
     grid->view.revision++;
-    fill_cells(world, grid, &grid->near, &grid->view.near, CHIARO_BLOCKER_NEAR, NEAR_CELL);
-    fill_cells(world, grid, &grid->far, &grid->view.far, CHIARO_BLOCKER_REACH, FAR_CELL);
 }
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -327,15 +383,46 @@ float chiaro_blockers_at(const BlockerGrid *grid, Vec3 point, Vec3 normal, Vec3 
     return blocked_near(grid, p, n, &far, bounce);
 }
 
+bool chiaro_blockers_show(ChiaroWorld *world, uint32_t count)
+{
+    if (!world->shown_building) {
+        chiaro_blockers_begin(&world->shown);
+        world->shown_building = true;
+        world->shown_stale = false;
+    }
+    if (!chiaro_blockers_step(world, &world->shown, true, count))
+        return false;
+    world->shown.view.revision++;
+    world->shown_building = false;
+    return true;
+}
+
+/* What a frame had no time for is done at once. */
 static const BlockerGrid *newest(ChiaroWorld *world)
 {
-    if (world->shown_stale)
-        chiaro_blockers_build(world, &world->shown, true);
-    world->shown_stale = false;
+    while (world->shown_building || world->shown_stale)
+        chiaro_blockers_show(world, UINT32_MAX);
     return &world->shown;
 }
 
-void chiaro_world_blockers(ChiaroWorld *world, ChiaroWorldBlockers *blockers) { *blockers = newest(world)->view; }
+void chiaro_world_blockers(ChiaroWorld *world, ChiaroWorldBlockers *blockers)
+{
+    world->shown_wanted = true;
+    *blockers = newest(world)->view;
+}
+
+bool chiaro_world_blockers_ready(const ChiaroWorld *world)
+{
+    return !world->shown_wanted || (!world->shown_building && world->shown.view.revision > 0);
+}
+
+void chiaro_world_blockers_shown(ChiaroWorld *world, ChiaroWorldBlockers *blockers)
+{
+    if (!chiaro_world_blockers_ready(world) || world->shown.view.revision == 0)
+        chiaro_world_blockers(world, blockers);
+    world->shown_wanted = true;
+    *blockers = world->shown.view;
+}
 
 void chiaro_world_blocked_far(ChiaroWorld *world, const float point[3], const float normal[3], ChiaroBlockedFar *far)
 {

@@ -13,10 +13,12 @@
 enum { ROUND_NONE, ROUND_OBJECTS, ROUND_LISTS, ROUND_BLOCKERS, ROUND_PAINT };
 
 /* Kinds of items, as the kernel learns what they take; units of each, by measurement about a microsecond. */
-enum { KIND_PAINT = ROUND_PAINT, KIND_PAINT_STATIC };
+enum { KIND_PAINT = ROUND_PAINT, KIND_PAINT_STATIC, KIND_SHOWN };
 enum { PAINT_UNITS = 16, PAINT_STATIC_UNITS = 100, SLICE_UNITS = 8, OBJECTS_A_UNIT = 16, LISTS_A_UNIT = 1,
        BLOCKERS_A_UNIT = 1 };
 
+/* What objects do to static surfaces is seen at once, but the rest of the frame is not only for it. */
+static const float SHOWN_URGENCY = 1;
 /* What is not seen may wait, but does light what is. */
 static const float UNSEEN = 0.05f;
 /* A cube is taken to have changed by this share of its light when its object has moved by its own radius. */
@@ -68,18 +70,20 @@ static ChiaroNeighbourObject neighbour_of(const ChiaroWorld *world, const Body *
     return object;
 }
 
-/* What is left of the stage is due. The blockers are laid out at once. */
+/* What is left of the stage is due. */
 static void ask_for_stage(ChiaroWorld *world)
 {
     static const uint32_t a_unit[] = {1, OBJECTS_A_UNIT, LISTS_A_UNIT, BLOCKERS_A_UNIT};
     uint32_t units = 1 + (world->body_end - world->cursor) / a_unit[world->stage];
     chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_ROUND, world->stage, 1, units,
-                      world->stage == ROUND_BLOCKERS ? units : SLICE_UNITS);
+                      SLICE_UNITS);
 }
 
 static void enter_stage(ChiaroWorld *world, uint32_t stage)
 {
     world->stage = stage, world->cursor = 0;
+    if (stage == ROUND_BLOCKERS)
+        chiaro_blockers_begin(&world->grid);
     if (stage != ROUND_PAINT)
         ask_for_stage(world);
 }
@@ -165,6 +169,7 @@ static void begin_slice(ChiaroWorld *world, uint32_t units)
 {
     uint32_t end = world->body_end, more = units * (world->stage == ROUND_OBJECTS ? OBJECTS_A_UNIT : LISTS_A_UNIT);
     uint32_t next = more < end - world->cursor ? world->cursor + more : end;
+    bool whole = next == end;
     switch (world->stage) {
     case ROUND_OBJECTS:
         for (uint32_t n = world->cursor; n < next; n++)
@@ -172,11 +177,12 @@ static void begin_slice(ChiaroWorld *world, uint32_t units)
         break;
     case ROUND_LISTS: search_slice(world, world->cursor, next); break;
     default:
-        next = end;
-        chiaro_blockers_build(world, &world->grid, false);
+        /* Several ways through all objects: each is asked for when it comes. */
+        whole = chiaro_blockers_step(world, &world->grid, false, units * BLOCKERS_A_UNIT);
+        next = 0;
     }
     world->cursor = next;
-    if (next < end) {
+    if (!whole) {
         ask_for_stage(world);
         return;
     }
@@ -249,6 +255,22 @@ static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t *painted)
  * A frame
  */
 
+/* The grid that is shown follows, if somebody looks at it. */
+static void ask_for_shown(ChiaroWorld *world)
+{
+    if (world->shown_building || (world->shown_wanted && world->shown_stale))
+        chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_SHOWN, KIND_SHOWN, SHOWN_URGENCY,
+                          1 + world->body_end / BLOCKERS_A_UNIT, SLICE_UNITS);
+}
+
+static void work_on_shown(ChiaroWorld *world, uint32_t units)
+{
+    if (chiaro_blockers_show(world, units * BLOCKERS_A_UNIT))
+        chiaro_kernel_drop(world->kernel_of_rounds, world->desc.object_capacity + TASK_SHOWN);
+    else
+        ask_for_shown(world);
+}
+
 /* Works until the kernel says that the frame is over, `cubes` were painted, `painted` could overflow, or a round ends. */
 static uint32_t work(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, uint32_t cubes, uint32_t *painted,
                      uint32_t capacity)
@@ -262,10 +284,13 @@ static uint32_t work(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, ui
         if (world->rounds_left)
             begin_round(world);
     }
+    ask_for_shown(world);
     while (count < cubes && count + CHIARO_MAX_OBJECT_PARTS <= capacity &&
            (item = chiaro_kernel_next(world->kernel_of_rounds, &units)) != CHIARO_NONE) {
         if (item < world->desc.object_capacity)
             count += paint_body(world, item, painted ? painted + count : NULL);
+        else if (item == world->desc.object_capacity + TASK_SHOWN)
+            work_on_shown(world, units);
         else
             begin_slice(world, units);
     }
@@ -291,7 +316,8 @@ uint32_t chiaro_world_update(ChiaroWorld *world, uint32_t budget, uint32_t *pain
 
 bool chiaro_world_settled(const ChiaroWorld *world)
 {
-    return world->stage == ROUND_NONE && !world->changed && world->rounds_left == 0;
+    return world->stage == ROUND_NONE && !world->changed && world->rounds_left == 0 && !world->shown_building &&
+           !(world->shown_wanted && world->shown_stale);
 }
 
 uint64_t chiaro_world_moves(const ChiaroWorld *world) { return world->moves; }

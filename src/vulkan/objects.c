@@ -551,12 +551,18 @@ static uint32_t write_cells(ChiaroVulkan *context, VkCommandBuffer commands, con
     return grid->first[1] + entry_count;
 }
 
-static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands)
+/* `sliced`: as far as the frame had time for them. */
+static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands, bool sliced)
 {
     ObjectsState *state = &context->objects;
     ChiaroWorldBlockers b;
     ChiaroGpuGrid grids[2] = {{.low = {0}}};
-    chiaro_world_blockers(state->world, &b);
+    if (sliced && !chiaro_world_blockers_ready(state->world))
+        return;
+    if (sliced)
+        chiaro_world_blockers_shown(state->world, &b);
+    else
+        chiaro_world_blockers(state->world, &b);
     if (state->grid_written && b.revision == state->revision) {
         state->blockers_due = false;
         return;
@@ -643,7 +649,7 @@ void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info
             take_cube(context, commands, state->painted[i]);
         fade_cubes(context, commands);
         chiaro_vulkan_lap(context, LAP_CUBES);
-        write_blockers(context, commands);
+        write_blockers(context, commands, info->budget.microseconds || info->budget.units);
         chiaro_vulkan_lap(context, LAP_BLOCKERS);
     }
     chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT,
