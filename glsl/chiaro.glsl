@@ -8,7 +8,8 @@
  * A host with shaders of its own adds to what its lights send straight (radiance = albedo * irradiance / pi):
  *
  *   static vertex   chiaro_indirect(receiver), the receiver from ChiaroTransport.vertex_receivers
- *   static pixel    chiaro_indirect(what came from the vertices, point, normal): what objects do to it
+ *   static pixel    chiaro_indirect(what came from the vertices, point, normal): what objects do to it; or, cheaper,
+ *                   chiaro_blocked_far() by vertex and chiaro_blocked_near() by pixel
  *   object vertex   chiaro_indirect(id, cavity, bent, parts, weights), all from ChiaroObjectVertex
  */
 #ifndef CHIARO_GLSL
@@ -451,25 +452,14 @@ vec3 chiaro_object_irradiance(ChiaroGpuObject object, vec3 cavity, vec3 bent, uv
     return max(cavity * sum, vec3(0));
 }
 
-/* What stands for an object where it blocks light: ChiaroWorldBlocker. */
-struct ChiaroBlocker {
-    vec4 center;  /* w: reach */
-    vec3 normal;
-    uint plate;
-    vec4 axes[6]; /* radiance, and projected area */
-    vec3 emission;
-    uint object;
-};
+/* ChiaroWorldBlocker, word by word. */
 layout(std430, set = CHIARO_OBJECT_SET, binding = 3) readonly buffer ChiaroBlockers
 {
-    ChiaroBlocker chiaro_blockers[];
+    uint chiaro_blockers[];
 };
 layout(std430, set = CHIARO_OBJECT_SET, binding = 4) readonly buffer ChiaroCells
 {
-    ChiaroGpuGrid chiaro_grid;
-    /* Two words a cell: where its objects begin that are a single ball which does not shine itself, and where the entries
-     * of the others do; at the end where all end; then the entries, which are blockers. Such balls have a loop of their
-     * own, because processors that run several pixels in step go through both sides of a branch. */
+    ChiaroGpuGrid chiaro_near_grid, chiaro_far_grid;
     uint chiaro_cells[];
 };
 
@@ -521,24 +511,30 @@ float chiaro_blocker_window(vec3 way, float reach)
     return max(0, 1 - ratio * ratio);
 }
 
-/* Form of a ball, and its radiance, over a receiver. */
-float chiaro_ball_form(uint number, vec3 way, vec3 normal, out vec3 radiance)
+vec3 chiaro_blocker_vector(uint word)
 {
-    vec3 w = -normalize(way);
-    vec4 seen = w.x * w.x * chiaro_blockers[number].axes[w.x < 0 ? 1 : 0] +
-                w.y * w.y * chiaro_blockers[number].axes[w.y < 0 ? 3 : 2] +
-                w.z * w.z * chiaro_blockers[number].axes[w.z < 0 ? 5 : 4];
-    radiance = seen.rgb;
-    return chiaro_sphere_form(way, normal, sqrt(seen.w / chiaro_pi));
+    return uintBitsToFloat(uvec3(chiaro_blockers[word], chiaro_blockers[word + 1], chiaro_blockers[word + 2]));
 }
 
-/* The same of any blocker. */
-float chiaro_blocker_form(uint number, vec3 way, vec3 normal, out vec3 radiance)
+/* What a ball shines with against a way from the receiver. */
+vec3 chiaro_ball_shine(uint first, vec3 way)
 {
-    if (chiaro_blockers[number].plate == 0)
-        return chiaro_ball_form(number, way, normal, radiance);
-    radiance = chiaro_blockers[number].axes[0].rgb;
-    return chiaro_rectangle_form(way, normal, chiaro_blockers[number].axes[1].xyz, chiaro_blockers[number].axes[2].xyz);
+    vec3 w = normalize(way);
+    uvec3 axis = first + CHIARO_BLOCKER_RADIANCE + uvec3(w.x > 0 ? 3 : 0, w.y > 0 ? 9 : 6, w.z > 0 ? 15 : 12);
+    return w.x * w.x * chiaro_blocker_vector(axis.x) + w.y * w.y * chiaro_blocker_vector(axis.y) +
+           w.z * w.z * chiaro_blocker_vector(axis.z);
+}
+
+/* Form of any blocker, and what it shines with. */
+float chiaro_blocker_form(uint first, vec3 way, vec3 normal, float radius, out vec3 radiance)
+{
+    vec3 across = chiaro_blocker_vector(first + CHIARO_BLOCKER_ACROSS);
+    if (across == vec3(0)) {
+        radiance = chiaro_ball_shine(first, way);
+        return chiaro_sphere_form(way, normal, radius);
+    }
+    radiance = chiaro_blocker_vector(first + CHIARO_BLOCKER_RADIANCE);
+    return chiaro_rectangle_form(way, normal, across, chiaro_blocker_vector(first + CHIARO_BLOCKER_ALONG));
 }
 
 /* All of an object: what it leaves open, and what it gives back: of what it passes on, the part that the gap lights. */
@@ -549,40 +545,40 @@ float chiaro_take_object(float form, vec3 given, vec3 emitted, inout vec3 bounce
     return left;
 }
 
-/* What objects do to a point of a static surface: irradiance' = open * irradiance + bounce. Twin of chiaro_world_blocked. */
-float chiaro_blocked(vec3 point, vec3 normal, out vec3 bounce)
+/* The word of a cell, or nothing; `corner` is its low corner. */
+uint chiaro_find_cell(ChiaroGpuGrid grid, vec3 point, out vec3 corner)
 {
-    vec3 place = (point - chiaro_grid.low.xyz) * chiaro_grid.low.w;
-    bounce = vec3(0);
-    if (any(lessThan(place, vec3(0))) || any(greaterThanEqual(place, vec3(chiaro_grid.count.xyz))))
-        return 1;
-    uvec3 cell = uvec3(place);
-    uint number = 2 * (cell.x + chiaro_grid.count.x * (cell.y + chiaro_grid.count.y * cell.z)), last = ~0u;
-    uint balls = chiaro_cells[number], others = chiaro_cells[number + 1], end = chiaro_cells[number + 2];
+    vec3 place = (point - grid.low.xyz) * grid.low.w, limit = vec3(grid.count.xyz);
+    bool within = all(greaterThanEqual(place, vec3(0))) && all(lessThan(place, limit));
+    uvec3 cell = uvec3(within ? place : vec3(0));
+    corner = grid.low.xyz + grid.range.x * vec3(cell);
+    uint word = chiaro_cells[grid.first.x + cell.x + grid.count.x * (cell.y + grid.count.y * cell.z)];
+    return within ? word : 0;
+}
+
+/* Objects that are more than plain balls, from one entry to another: near shares or far ones. */
+float chiaro_sum_pieces(uint entry, uint end, bool far, vec3 point, vec3 normal, inout vec3 bounce)
+{
     float open = 1, sum = 0;
     vec3 given = vec3(0), emitted = vec3(0), radiance;
-    for (uint k = balls; k < others; k++) {
-        uint blocker = chiaro_cells[chiaro_grid.count.w + k];
-        vec4 center = chiaro_blockers[blocker].center;
-        vec3 way = center.xyz - point;
-        float form = chiaro_blocker_window(way, center.w) * chiaro_ball_form(blocker, way, normal, radiance);
-        open *= chiaro_take_object(form, form * radiance, vec3(0), bounce);
-    }
-    for (uint k = others; k < end; k++) {
-        uint blocker = chiaro_cells[chiaro_grid.count.w + k], object = chiaro_blockers[blocker].object;
-        if (object != last)
-            open *= chiaro_take_object(sum, given, emitted, bounce);
+    uint last = ~0u;
+    for (; entry < end; entry++) {
+        uint first = CHIARO_BLOCKER_WORDS * chiaro_cells[entry];
+        uint object = chiaro_blockers[first + CHIARO_BLOCKER_OBJECT];
         if (object != last) {
+            open *= chiaro_take_object(sum, given, emitted, bounce);
             sum = 0;
             given = emitted = vec3(0);
             last = object;
         }
-        vec4 center = chiaro_blockers[blocker].center;
-        vec3 way = center.xyz - point;
-        float form = chiaro_blocker_window(way, center.w) * chiaro_blocker_form(blocker, way, normal, radiance);
+        vec3 way = chiaro_blocker_vector(first) - point;
+        float radius = uintBitsToFloat(chiaro_blockers[first + CHIARO_BLOCKER_RADIUS]);
+        float form = chiaro_blocker_form(first, way, normal, radius, radiance);
+        float share = chiaro_blocker_window(way, CHIARO_NEAR * radius);
+        form *= far ? chiaro_blocker_window(way, CHIARO_REACH * radius) - share : share;
         sum += form;
         given += form * radiance;
-        emitted += form * chiaro_blockers[blocker].emission;
+        emitted += form * chiaro_blocker_vector(first + CHIARO_BLOCKER_EMISSION);
     }
     return open * chiaro_take_object(sum, given, emitted, bounce);
 }
@@ -593,12 +589,70 @@ vec3 chiaro_indirect(uint id, vec3 cavity, vec3 bent, uvec4 parts, vec4 weights)
     return chiaro_object_irradiance(chiaro_objects[id], cavity, bent, parts, weights);
 }
 
-/* What objects leave of the indirect irradiance of a static pixel, and add to it. */
+/* What objects do to a point of a static surface: irradiance' = open * irradiance + bounce. This is the part of what is
+ * far, by vertex; `shine` is for the other part. `pieces`: there are objects that are more than plain balls. Twin of
+ * chiaro_world_blocked_far.
+ *
+ * Processors that run several receivers in step go through a loop once more than the busiest of them needs it, and
+ * through both sides of a branch: hence loops with the test at their end. */
+float chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, out vec3 bounce, out vec4 shine)
+{
+    vec3 corner;
+    uint word = chiaro_find_cell(chiaro_far_grid, point, corner);
+    uint entry = chiaro_far_grid.first.y + (word & 0xfffffu), balls = entry + (word >> 20 & 63u);
+    float open = 1;
+    bounce = vec3(0);
+    shine = vec4(0);
+    do {
+        bool valid = entry < balls;
+        uint first = CHIARO_BLOCKER_WORDS * (valid ? chiaro_cells[entry] : 0);
+        vec3 way = chiaro_blocker_vector(first) - point, radiance = chiaro_ball_shine(first, way);
+        float radius = uintBitsToFloat(chiaro_blockers[first + CHIARO_BLOCKER_RADIUS]);
+        float form = valid ? chiaro_sphere_form(way, normal, radius) : 0;
+        float all = chiaro_blocker_window(way, CHIARO_REACH * radius);
+        float share = all - chiaro_blocker_window(way, CHIARO_NEAR * radius);
+        open *= chiaro_take_object(share * form, share * form * radiance, vec3(0), bounce);
+        shine += all * form * vec4(radiance, 1);
+    } while (++entry < balls);
+    if (pieces)
+        open *= chiaro_sum_pieces(balls, balls + (word >> 26), true, point, normal, bounce);
+    return open;
+}
+
+/* And the part of what is near, by pixel, with what the first part left of the irradiance, and its shine. Twin of
+ * chiaro_world_blocked_near. */
+vec3 chiaro_blocked_near(bool pieces, vec3 point, vec3 normal, vec3 irradiance, vec4 shine)
+{
+    vec3 corner, bounce = vec3(0), radiance = shine.rgb / max(shine.w, 1e-20);
+    uint word = chiaro_find_cell(chiaro_near_grid, point, corner);
+    uint entry = chiaro_near_grid.first.y + (word & 0xfffffu), balls = entry + 2 * (word >> 20 & 63u);
+    float open = 1;
+    corner -= point;
+    do {
+        bool valid = entry < balls;
+        uint at = valid ? entry : chiaro_near_grid.first.y;
+        vec2 xy = unpackSnorm2x16(chiaro_cells[at]);
+        uint more = chiaro_cells[at + 1];
+        vec3 way = corner + chiaro_near_grid.range.y * vec3(xy, unpackSnorm2x16(more).x);
+        float root = unpackUnorm2x16(more).y, radius = chiaro_near_grid.range.z * root * root;
+        float form = chiaro_sphere_form(way, normal, radius) * chiaro_blocker_window(way, CHIARO_NEAR * radius);
+        form = valid ? form : 0;
+        open *= chiaro_take_object(form, form * radiance, vec3(0), bounce);
+        entry += 2;
+    } while (entry < balls);
+    if (pieces)
+        open *= chiaro_sum_pieces(balls, balls + (word >> 26), false, point, normal, bounce);
+    return open * irradiance + bounce;
+}
+
+/* Both parts at once, where a host's shader has no use for two: what objects leave of the indirect irradiance of a static
+ * pixel, and add to it. */
 vec3 chiaro_indirect(vec3 irradiance, vec3 point, vec3 normal)
 {
     vec3 bounce;
-    float open = chiaro_blocked(point, normal, bounce);
-    return open * irradiance + bounce;
+    vec4 shine;
+    float open = chiaro_blocked_far(true, point, normal, bounce, shine);
+    return chiaro_blocked_near(true, point, normal, open * irradiance + bounce, shine);
 }
 
 #endif

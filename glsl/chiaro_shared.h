@@ -74,8 +74,10 @@ CHIARO_STRUCT(ChiaroGpuLight)
     CHIARO_UVEC4(info);     /* type; 1: six faces, 0: one view; first layer; 1: casts no shadow */
 };
 
-/* CHIARO_BLOCKER_GAP of chiaro_world.h. */
+/* CHIARO_BLOCKER_GAP, _NEAR and _REACH of chiaro_world.h. */
 #define CHIARO_GAP 1.6
+#define CHIARO_NEAR 3.0
+#define CHIARO_REACH 8.0
 
 /* How cubes of objects are stored: the values of ChiaroCubeFormat. */
 #define CHIARO_GPU_CUBE_UNORM8 0u
@@ -97,11 +99,24 @@ CHIARO_STRUCT(ChiaroGpuCubes)
     CHIARO_UVEC4(shape); /* edge, format, words a cube; unused */
 };
 
-/* The grid of blockers (ChiaroWorldBlockers). */
+/* ChiaroWorldBlocker, in words: processors that fetch them one by one take no more than they need. */
+#define CHIARO_BLOCKER_WORDS 32u
+#define CHIARO_BLOCKER_RADIUS 3u
+#define CHIARO_BLOCKER_ACROSS 4u
+#define CHIARO_BLOCKER_ALONG 7u
+#define CHIARO_BLOCKER_RADIANCE 10u
+#define CHIARO_BLOCKER_EMISSION 28u
+#define CHIARO_BLOCKER_OBJECT 31u
+
+/* The grids of blockers (ChiaroBlockerCells). Entries of the far one are blockers. In the near one, which is read by
+ * pixel, a plain ball is itself, in two words: its centre from the cell's low corner, and the root of its radius, as
+ * 16-bit parts of the ranges below; another blocker is a word. */
 CHIARO_STRUCT(ChiaroGpuGrid)
 {
     CHIARO_VEC4(low);    /* w: 1 / edge of a cell */
-    CHIARO_UVEC4(count); /* cells along each axis; where in the array the numbers of blockers begin */
+    CHIARO_UVEC4(count); /* cells along each axis; unused */
+    CHIARO_VEC4(range);  /* edge of a cell, largest distance of a centre, largest radius; unused */
+    CHIARO_UVEC4(first); /* where in the array its cells begin, and its entries; unused */
 };
 
 /* Push constants of the forward pass: the view, then what changes from part to part. */

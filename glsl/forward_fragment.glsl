@@ -12,6 +12,7 @@ layout(constant_id = 0) const uint component = CHIARO_GPU_FULL;
 layout(constant_id = 1) const bool tone_map = false;
 layout(constant_id = 2) const bool masked = false;
 layout(constant_id = 3) const bool sky_sun = false;
+layout(constant_id = 4) const bool pieces = true; /* objects are more than plain balls */
 
 layout(push_constant) uniform Push
 {
@@ -27,6 +28,9 @@ layout(location = 1) in vec3 v_normal;
 layout(location = 2) in vec4 v_color;
 layout(location = 3) in vec3 v_irradiance;
 layout(location = 4) in vec4 v_uv;
+#ifdef CHIARO_BLOCKED
+layout(location = 5) in vec4 v_shine;
+#endif
 layout(location = 0) out vec4 color;
 
 void main()
@@ -57,7 +61,7 @@ void main()
     if (component != CHIARO_GPU_PUNCTUAL) {
         vec3 ambient = max(v_irradiance, vec3(0));
 #ifdef CHIARO_BLOCKED
-        ambient = chiaro_indirect(ambient, push.eye.xyz + v_offset, normalize(v_normal));
+        ambient = chiaro_blocked_near(pieces, push.eye.xyz + v_offset, normalize(v_normal), ambient, v_shine);
 #endif
         received += ambient;
     }

@@ -1,8 +1,9 @@
-/* Vertex half of the forward pass. Compiled four times: with bounce light (CHIARO_GI) or without, for what stays or for
- * objects (CHIARO_OBJECT), whose bounce light comes from their cubes. */
-#ifdef CHIARO_OBJECT
+/* Vertex half of the forward pass. Compiled five times: with bounce light (CHIARO_GI) or without, for what stays, also
+ * where objects stand near (CHIARO_BLOCKED), or for objects (CHIARO_OBJECT), whose bounce light comes from their cubes. */
+#if defined(CHIARO_OBJECT) || defined(CHIARO_BLOCKED)
 #define CHIARO_OBJECT_SET 3
-#elif defined(CHIARO_GI)
+#endif
+#if defined(CHIARO_GI) && !defined(CHIARO_OBJECT)
 #define CHIARO_INDIRECT_SET 1
 #endif
 #include "chiaro.glsl"
@@ -30,6 +31,10 @@ layout(location = 1) out vec3 v_normal;
 layout(location = 2) out vec4 v_color;
 layout(location = 3) out vec3 v_irradiance;
 layout(location = 4) out vec4 v_uv;
+#ifdef CHIARO_BLOCKED
+layout(constant_id = 4) const bool pieces = true; /* objects are more than plain balls */
+layout(location = 5) out vec4 v_shine; /* of balls, for the pixels */
+#endif
 
 void main()
 {
@@ -50,6 +55,11 @@ void main()
     v_irradiance = chiaro_indirect(gl_InstanceIndex, shade, way, parts, weights);
 #elif defined(CHIARO_GI)
     v_irradiance = chiaro_indirect(receiver);
+#ifdef CHIARO_BLOCKED
+    vec3 bounce;
+    float open = chiaro_blocked_far(pieces, place, v_normal, bounce, v_shine);
+    v_irradiance = open * v_irradiance + bounce;
+#endif
 #else
     v_irradiance = vec3(0);
 #endif

@@ -18,7 +18,8 @@
  *
  * Light on a static surface:     irradiance' = open * irradiance + bounce
  *
- * with `open` and `bounce` of chiaro_world_blocked(), which a shader does by pixel from ChiaroWorldBlockers.
+ * with `open` and `bounce` of chiaro_world_blocked(), which a shader does from ChiaroWorldBlockers: what is near by pixel,
+ * what is far by vertex.
  *
  * Rounds. Cubes are painted in rounds: each cube once a round. All of a round sees the world as it was when the round
  * began, so neither the number of its slices nor their size can be seen in what comes out; light between objects
@@ -42,7 +43,7 @@ extern "C" {
 #define CHIARO_MAX_OBJECT_PARTS 8u      /**< Cubes of one object. */
 #define CHIARO_MAX_OBJECT_BLOCKERS 12u  /**< Blockers that stand for one object. */
 #define CHIARO_MAX_WORLD_OBJECTS 65536u
-#define CHIARO_MAX_WORLD_CELLS 4096u    /**< Of the grid of blockers. */
+#define CHIARO_MAX_WORLD_CELLS 16384u   /**< Of a grid of blockers. */
 #define CHIARO_MAX_CELL_BLOCKERS 24u    /**< In one of them. */
 #define CHIARO_WORLD_SETTLE_ROUNDS 24u
 
@@ -305,56 +306,103 @@ CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *wo
  * Back onto the static world
  */
 
-/** What stands for an object, or for a piece of it, where it blocks and reflects light: 16-byte members, for a GPU.
+/** What stands for an object, or for a piece of it, where it blocks and reflects light: 32 words, for a GPU.
  *
- * Ball (plate == 0): a sphere about `center` that shines as its axes say. With w the unit direction from the blocker to
+ * Ball (across == 0): a sphere about `center` that shines as its axes say. With w the unit direction from the blocker to
  * the receiver, the axes that w points along count with the squares of its components, which add up to 1:
- *     area = sum w_i^2 axes[i][3], radiance = sum w_i^2 axes[i].rgb,
- *     form = chiaro_sphere_form(.., center, sqrt(area / pi)).
- * Plate (plate == 1): a rectangle that is seen from the side of `normal` only, with half edges axes[1].xyz and
- * axes[2].xyz and the radiance axes[0].rgb:
- *     form = chiaro_rectangle_form().
- * In either case form is multiplied by chiaro_blocker_window(distance from center, reach), so that nothing ends with an
- * edge. Blockers of one object follow each other in a cell. Of each object, form, pi * radiance * form and
+ *     radiance = sum w_i^2 radiance[i], form = chiaro_sphere_form(.., center, radius).
+ * Plate: a rectangle that is seen from the side of cross(across, along) only, with these half edges:
+ *     radiance = radiance[0], form = chiaro_rectangle_form().
+ *
+ * What is near changes from pixel to pixel, what is far does not, nor does the colour of what is near: so a shader does the
+ * one by pixel and the others by vertex. The form of a blocker is divided in two shares that go over into each other
+ * without an edge. With d the distance from `center`:
+ *     near share = chiaro_blocker_window(d, CHIARO_BLOCKER_NEAR * radius),
+ *     far share  = chiaro_blocker_window(d, CHIARO_BLOCKER_REACH * radius) - near share.
+ * Blockers of one object follow each other in a cell. Of each object, form, pi * radiance * form and
  * pi * emission * form are summed; then with left = 1 - min(1, sum of forms), `open` is multiplied by left, and bounce
  * gains mix(sum of emission, sum of radiance, min(1, CHIARO_BLOCKER_GAP * sqrt(left))): close to where it touches, only
  * that part of an object is seen which the gap between the two lights. */
+#define CHIARO_BLOCKER_NEAR 3.0f
+#define CHIARO_BLOCKER_REACH 8.0f /**< Further off, less than 1 / 64 of the hemisphere is blocked. */
 #define CHIARO_BLOCKER_GAP 1.6f
 typedef struct ChiaroWorldBlocker {
     float center[3];
-    float reach;    /**< Beyond it, it does nothing. */
-    float normal[3];
-    uint32_t plate;
-    float axes[6][4]; /**< Ball: toward +x -x +y -y +z -z of the world: radiance, and projected area, m^2. */
-    float emission[3]; /**< Of the radiance, what it would have in the dark. */
-    uint32_t object;   /**< Its number. */
+    float radius; /**< Of a plate: of a disc of its area. */
+    float across[3], along[3];
+    float radiance[6][3]; /**< Ball: toward +x -x +y -y +z -z of the world. */
+    float emission[3];    /**< Of the radiance, what it would have in the dark. */
+    uint32_t object;      /**< Its number. */
 } ChiaroWorldBlocker;
 
-/** All blockers, and a grid that tells which of them matter where. Cell (x, y, z) of a point is
- * floor((point - low) / size); its number x + count[0] * (y + count[1] * z); outside the grid nothing is blocked. */
-typedef struct ChiaroWorldBlockers {
-    uint64_t revision; /**< Rises when anything of it may have changed. They follow objects and their light at once: in
-                            every chiaro_world_update() after something moved or was painted, also without a budget. */
-    const ChiaroWorldBlocker *blockers;
-    const uint32_t *cell_first; /**< Cell c has cell_blockers[cell_first[c] .. cell_first[c + 1] - 1]. */
-    const uint32_t *cell_blockers; /**< Numbers of blockers; those of one object follow each other. */
-    uint32_t blocker_count; /**< At most CHIARO_MAX_OBJECT_BLOCKERS * object_capacity. */
-    uint32_t cell_count;    /**< At most CHIARO_MAX_WORLD_CELLS; 0: there are no objects. */
-    uint32_t entry_count;   /**< Of cell_blockers: at most CHIARO_MAX_CELL_BLOCKERS * cell_count. */
-    uint32_t count[3];      /**< Cells along each axis. */
+/** Which blockers matter where. Cell (x, y, z) of a point is floor((point - low) / size); its number
+ * x + count[0] * (y + count[1] * z); outside nothing is blocked. */
+typedef struct ChiaroBlockerCells {
+    const uint32_t *cells;   /**< A word each: CHIARO_CELL_FIRST, CHIARO_CELL_BALLS, CHIARO_CELL_OTHERS. */
+    const uint32_t *entries; /**< Numbers of blockers; those of one object follow each other. */
+    uint32_t cell_count;     /**< 0: there are no objects. */
+    uint32_t entry_count;    /**< At most CHIARO_MAX_CELL_BLOCKERS * cell_count. */
+    uint32_t count[3];       /**< Cells along each axis. */
     float low[3];
     float size; /**< Of a cell, m. */
+} ChiaroBlockerCells;
+
+/** Of a cell's word: its first entry; how many plain balls there are, which are objects that are one ball and do not shine
+ * themselves; how many entries of other objects follow them. (Processors that run several pixels in step go through both
+ * sides of a branch, so the many balls have a loop of their own.) */
+#define CHIARO_CELL_FIRST(word) ((word) & 0xfffffu)
+#define CHIARO_CELL_BALLS(word) ((word) >> 20 & 63u)
+#define CHIARO_CELL_OTHERS(word) ((word) >> 26)
+
+typedef struct ChiaroWorldBlockers {
+    uint64_t revision; /**< Rises when anything of it may have changed. They follow objects and their light at once. */
+    const ChiaroWorldBlocker *blockers;
+    uint32_t blocker_count; /**< At most CHIARO_MAX_OBJECT_BLOCKERS * object_capacity. */
+    ChiaroBlockerCells near, far; /**< For either share. */
 } ChiaroWorldBlockers;
 
-/** @thread_safety one thread a world. @lifetime until the next chiaro_world_update(). @errors none. */
-CHIARO_API void chiaro_world_blockers(const ChiaroWorld *world, ChiaroWorldBlockers *blockers);
+/** Most cells, near and far each, that a world of so many objects has. @thread_safety any thread. @errors none.
+ * @lifetime nothing is kept. */
+CHIARO_API uint32_t chiaro_world_cells(uint32_t object_capacity);
+
+/** All blockers, as objects stand this moment.
+ * @thread_safety one thread a world. @lifetime until the world is next touched. @errors none. */
+CHIARO_API void chiaro_world_blockers(ChiaroWorld *world, ChiaroWorldBlockers *blockers);
+
+/** As they were when chiaro_world_run() last had them whole: where a budget cuts the laying of the grids into slices.
+ * @errors none. @thread_safety one thread a world. @lifetime until the world is next touched. */
+CHIARO_API void chiaro_world_blockers_shown(ChiaroWorld *world, ChiaroWorldBlockers *blockers);
+
+/** False while chiaro_world_run() is laying them anew: then chiaro_world_blockers_shown() would do the rest at once.
+ * @errors none. @thread_safety one thread a world. @lifetime nothing is kept. */
+CHIARO_API bool chiaro_world_blockers_ready(const ChiaroWorld *world);
 
 /** What objects do to a point of a static surface; see the top of this file.
  * @param point, normal the receiver, in the world. @param bounce receives three floats, W/m^2.
  * @return the open share of its ambient light, 0 .. 1. @thread_safety one thread a world. @errors none. @lifetime
  * nothing is kept. */
-CHIARO_API float chiaro_world_blocked(const ChiaroWorld *world, const float point[3], const float normal[3],
+CHIARO_API float chiaro_world_blocked(ChiaroWorld *world, const float point[3], const float normal[3],
                                       float bounce[3]);
+
+/** What a shader does of it by vertex. Interpolated linearly. */
+typedef struct ChiaroBlockedFar {
+    float open, bounce[3]; /**< Of the far shares. */
+    float shine[4]; /**< Radiance of the plain balls about, times their forms, and the sum of these forms. */
+} ChiaroBlockedFar;
+
+/** The first half of chiaro_world_blocked(), by vertex. @param far receives it.
+ * @errors none. @thread_safety one thread a world. @lifetime nothing is kept. */
+CHIARO_API void chiaro_world_blocked_far(ChiaroWorld *world, const float point[3], const float normal[3],
+                                         ChiaroBlockedFar *far);
+
+/** The second half, by pixel. @param far what the first half was there. @param bounce receives three floats, W/m^2.
+ * @return the open share of both halves. @errors none. @thread_safety one thread a world. @lifetime nothing is kept. */
+CHIARO_API float chiaro_world_blocked_near(ChiaroWorld *world, const float point[3], const float normal[3],
+                                           const ChiaroBlockedFar *far, float bounce[3]);
+
+/** True if a plain ball is all that stands for an object where it blocks light. @thread_safety any thread. @errors
+ * none. @lifetime nothing is kept. */
+CHIARO_API bool chiaro_object_is_ball(const ChiaroObject *object);
 
 /** Form factor of a rectangle with corners center +- across +- along, seen from the side of cross(across, along) only.
  * Lambert's sum over its edges, for corners that are moved up to the horizon where they lie below it: exact where

@@ -23,13 +23,6 @@ static inline Vec3 chiaro_cube_direction(uint32_t face, float x, float y)
     }
 }
 
-/* x in 0 .. most; what is not a number becomes 0. In this form it is no call. */
-static inline float chiaro_cube_clamp(float x, float most)
-{
-    x = x > 0 ? x : 0;
-    return x < most ? x : most;
-}
-
 /* Number of the texel that a direction (not zero) falls into. */
 static inline uint32_t chiaro_cube_texel(Vec3 d, uint32_t edge)
 {
@@ -43,8 +36,8 @@ static inline uint32_t chiaro_cube_texel(Vec3 d, uint32_t edge)
         face = d.z > 0 ? 4 : 5, m = az, x = d.z > 0 ? d.x : -d.x, y = -d.y;
     float last = (float)(edge - 1);
     /* The zero vector divides to NaN. */
-    uint32_t i = (uint32_t)chiaro_cube_clamp((x / m + 1) / 2 * (float)edge, last);
-    uint32_t j = (uint32_t)chiaro_cube_clamp((y / m + 1) / 2 * (float)edge, last);
+    uint32_t i = (uint32_t)chiaro_clamp((x / m + 1) / 2 * (float)edge, 0, last);
+    uint32_t j = (uint32_t)chiaro_clamp((y / m + 1) / 2 * (float)edge, 0, last);
     return (face * edge + j) * edge + i;
 }
 

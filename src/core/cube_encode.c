@@ -1,7 +1,7 @@
 /* Cubes as a device stores them (article: "you will get away just fine with normal fixed point texture data"). */
 #include "chiaro/chiaro_objects.h"
+#include "vec.h"
 
-#include <math.h>
 #include <string.h>
 
 #define HALF_MAX 65504.0f
@@ -10,9 +10,6 @@
 enum { SHARED_BITS = 9, SHARED_BIAS = 15, SHARED_ALL = (1 << SHARED_BITS) - 1 };
 #define SHARED_MAX 65408.0f
 
-/* A comparison with NaN is false: NaN becomes low. */
-static float clamp(float value, float low, float high) { return value > low ? (value < high ? value : high) : low; }
-
 /* ------------------------------------------------------------------------------------------------------------------
  * Half floats
  */
@@ -20,7 +17,7 @@ static float clamp(float value, float low, float high) { return value > low ? (v
 static uint16_t half_encode(float value)
 {
     uint32_t bits, sign = value < 0 ? 0x8000 : 0;
-    value = clamp(fabsf(value), 0, HALF_MAX);
+    value = chiaro_clamp(fabsf(value), 0, HALF_MAX);
     if (value < 0x1p-14f) /* subnormal: steps of 2^-24; a number that rounds up to 2^-14 comes out right as well */
         return (uint16_t)(sign | (uint32_t)nearbyintf(value * 0x1p24f));
     memcpy(&bits, &value, sizeof bits);
@@ -43,7 +40,7 @@ static uint32_t shared_encode(const float rgb[3])
 {
     float color[3], brightest = 0;
     for (int c = 0; c < 3; c++) {
-        color[c] = clamp(rgb[c], 0, SHARED_MAX);
+        color[c] = chiaro_clamp(rgb[c], 0, SHARED_MAX);
         brightest = fmaxf(brightest, color[c]);
     }
     int exponent;
@@ -85,7 +82,7 @@ static float brightest_color(const float *texels, uint32_t count)
     float brightest = 0;
     for (uint32_t t = 0; t < count; t++) {
         for (int c = 0; c < 3; c++)
-            brightest = fmaxf(brightest, clamp(texels[4 * (size_t)t + (size_t)c], 0, 3e38f));
+            brightest = fmaxf(brightest, chiaro_clamp(texels[4 * (size_t)t + (size_t)c], 0, 3e38f));
     }
     return brightest;
 }
@@ -106,8 +103,8 @@ ChiaroResult chiaro_cube_encode(ChiaroCubeFormat format, const float *texels, ui
     for (uint32_t t = 0; t < count; t++, texels += 4, bytes += size) {
         if (format == CHIARO_CUBE_UNORM8) {
             for (int c = 0; c < 3; c++)
-                bytes[c] = (unsigned char)((double)clamp(texels[c], 0, *scale) * steps + 0.5);
-            bytes[3] = (unsigned char)(clamp(texels[3], 0, 1) * 255 + 0.5f);
+                bytes[c] = (unsigned char)((double)chiaro_clamp(texels[c], 0, *scale) * steps + 0.5);
+            bytes[3] = (unsigned char)(chiaro_clamp(texels[3], 0, 1) * 255 + 0.5f);
         } else if (format == CHIARO_CUBE_HALF) {
             uint16_t half[4] = {half_encode(texels[0]), half_encode(texels[1]), half_encode(texels[2]),
                                 half_encode(texels[3])};

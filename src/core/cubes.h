@@ -56,8 +56,8 @@ static inline ChiaroCubeTaps chiaro_cube_taps(const ChiaroCubeKernel *kernel, Ve
         face = d.z > 0 ? 4 : 5, major = az;
     float scale = edge / (2 * major), middle = edge / 2 + 0.5f;
     /* Counted from the centre of the rim's first texel. The zero vector divides to NaN. */
-    float x = chiaro_cube_clamp(middle + scale * vec3_dot(vec3_load(kernel->axes[face][0]), d), edge + 0.5f);
-    float y = chiaro_cube_clamp(middle + scale * vec3_dot(vec3_load(kernel->axes[face][1]), d), edge + 0.5f);
+    float x = chiaro_clamp(middle + scale * vec3_dot(vec3_load(kernel->axes[face][0]), d), 0, edge + 0.5f);
+    float y = chiaro_clamp(middle + scale * vec3_dot(vec3_load(kernel->axes[face][1]), d), 0, edge + 0.5f);
     uint32_t i = (uint32_t)x, j = (uint32_t)y, row = kernel->edge + 2;
     float s = x - (float)i, t = y - (float)j;
     const uint16_t *rim = kernel->rim + ((size_t)face * row + j) * row + i;

@@ -11,7 +11,9 @@
 enum { DEFAULT_LATENCY = 4 };
 
 /* What an item of a kind is taken to cost falls by this much a time toward what it does cost; it rises at once. */
-static const float FORGET = 1.0f / 128;
+static const float FORGET = 1.0f / 64;
+/* And may be dearer than ever before by so much. */
+static const float MARGIN = 1.25f;
 
 typedef struct Due {
     uint64_t since; /* frame */
@@ -187,7 +189,7 @@ static bool affordable(const ChiaroKernel *kernel, const Due *due, uint32_t unit
         return true;
     if (budget->units && kernel->stats.units + (uint64_t)units > budget->units)
         return false;
-    float wanted = kernel->nanoseconds[due->kind] * (float)units;
+    float wanted = MARGIN * kernel->nanoseconds[due->kind] * (float)units;
     return !budget->microseconds || !kernel->desc.clock.now || (double)spent + (double)wanted <= (double)kernel->limit;
 }
 

@@ -50,6 +50,13 @@ static inline Vec3 vec3_cosine_direction(Vec3 n, float u, float v)
     return vec3_mad(vec3_mad(vec3_scale(n, sqrtf(fmaxf(0, 1 - u))), t, r * cosf(phi)), b, r * sinf(phi));
 }
 
+/* In this form it is no call; what is not a number becomes `low`. */
+static inline float chiaro_clamp(float x, float low, float high)
+{
+    x = x > low ? x : low;
+    return x < high ? x : high;
+}
+
 /* Luminance of linear RGB (Rec. 709). */
 static inline float vec3_luminance(Vec3 c) { return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z; }
 

@@ -78,15 +78,19 @@ static bool make_shine(ChiaroWorld *world, Shine *shine)
     return shine->texels && shine->axes;
 }
 
+static bool make_cells(ChiaroWorld *world, CellGrid *grid)
+{
+    size_t cells = chiaro_world_cells(world->desc.object_capacity);
+    grid->cells = chiaro_world_alloc(world, cells, sizeof *grid->cells);
+    grid->entries = chiaro_world_alloc(world, cells * CHIARO_MAX_CELL_BLOCKERS, sizeof *grid->entries);
+    return grid->cells && grid->entries;
+}
+
 static bool make_grid(ChiaroWorld *world, BlockerGrid *grid)
 {
-    size_t entries = (size_t)CHIARO_MAX_WORLD_CELLS * CHIARO_MAX_CELL_BLOCKERS;
     size_t blockers = (size_t)world->desc.object_capacity * CHIARO_MAX_OBJECT_BLOCKERS;
     grid->blockers = chiaro_world_alloc(world, blockers, sizeof *grid->blockers);
-    grid->first = chiaro_world_alloc(world, CHIARO_MAX_WORLD_CELLS, sizeof *grid->first);
-    grid->entries = chiaro_world_alloc(world, entries, sizeof *grid->entries);
-    grid->weights = chiaro_world_alloc(world, entries, sizeof *grid->weights);
-    return grid->blockers && grid->first && grid->entries && grid->weights;
+    return grid->blockers && make_cells(world, &grid->near) && make_cells(world, &grid->far);
 }
 
 static bool make_values(ChiaroWorld *world, StaticLight *light)
@@ -102,21 +106,17 @@ static ChiaroResult make_static(ChiaroWorld *world)
     if (!t)
         return CHIARO_OK;
     world->node_count = t->node_count;
-    world->albedo = chiaro_world_alloc(world, t->node_count, 3 * sizeof(float));
     world->roots = chiaro_world_alloc(world, t->node_count, sizeof *world->roots);
     world->stack = chiaro_world_alloc(world, t->node_count, sizeof *world->stack);
-    if (!world->albedo || !world->roots || !world->stack || !make_values(world, &world->light) ||
+    world->parent = chiaro_world_alloc(world, t->node_count, sizeof *world->parent);
+    if (!world->roots || !world->stack || !world->parent || !make_values(world, &world->light) ||
         !make_values(world, &world->coming))
         return CHIARO_ERROR_MEMORY;
     ChiaroResult result = chiaro_static_roots(world);
-    if (result == CHIARO_OK && !chiaro_static_tiles(world))
+    if (result == CHIARO_OK &&
+        (!chiaro_static_tiles(world) || !chiaro_static_boxes(world) || !chiaro_static_rays(world)))
         result = CHIARO_ERROR_MEMORY;
-    if (result != CHIARO_OK)
-        return result;
-    for (uint32_t s = 0; s < t->sample_count; s++)
-        memcpy(world->albedo + 3 * (size_t)s, t->samples[s].albedo, 3 * sizeof(float));
-    chiaro_tree_sum(t, world->albedo);
-    return CHIARO_OK;
+    return result;
 }
 
 static ChiaroResult make_world(ChiaroWorld *world)
@@ -137,12 +137,10 @@ static ChiaroResult make_world(ChiaroWorld *world)
     world->element_taken = chiaro_world_alloc(world, desc->element_capacity, 1);
     world->encoded = chiaro_world_alloc(world, desc->cube_capacity, world->encoded_bytes);
     world->scales = chiaro_world_alloc(world, desc->cube_capacity, sizeof *world->scales);
-    world->items = chiaro_world_alloc(world, WORLD_MAX_ITEMS, sizeof *world->items);
-    world->item_order = chiaro_world_alloc(world, WORLD_MAX_ITEMS, sizeof *world->item_order);
     world->radiosity = chiaro_world_alloc(world, desc->element_capacity, 3 * sizeof(float));
     if (!world->sky || !world->sky_slopes || !world->bodies || !world->slot_taken || !world->slot_body ||
-        !world->slot_painted || !world->element_taken || !world->encoded || !world->scales || !world->items ||
-        !world->item_order || !world->radiosity || !make_neighbours(world) || !make_kernel(world) || !make_shine(world, &world->last) ||
+        !world->slot_painted || !world->element_taken || !world->encoded || !world->scales || !world->radiosity ||
+        !make_neighbours(world) || !make_kernel(world) || !make_shine(world, &world->last) ||
         !make_shine(world, &world->next) || !make_grid(world, &world->grid) || !make_grid(world, &world->shown))
         return CHIARO_ERROR_MEMORY;
     return make_static(world);
@@ -172,15 +170,21 @@ void chiaro_world_destroy(ChiaroWorld *world)
 {
     if (!world)
         return;
+    BlockerGrid *grids[2] = {&world->grid, &world->shown};
     void *all[] = {world->sky, world->sky_slopes, world->bodies, world->slot_taken, world->slot_body,
-                   world->slot_painted, world->element_taken, world->encoded, world->scales, world->items, world->item_order,
-                   world->radiosity, world->neighbour_memory, world->neighbour_objects,
-                   world->kernel_memory, world->last.texels, world->last.axes, world->next.texels, world->next.axes,
-                   world->grid.blockers, world->grid.first, world->grid.entries, world->grid.weights,
-                   world->shown.blockers, world->shown.first, world->shown.entries, world->shown.weights, world->albedo,
-                   world->roots, world->stack, world->tiles, world->tile_first, world->light.lights,
-                   world->light.total, world->light.ambient,
-                   world->coming.lights, world->coming.total, world->coming.ambient};
+                   world->slot_painted, world->element_taken, world->encoded, world->scales,
+                   world->radiosity, world->neighbour_memory, world->neighbour_objects, world->kernel_memory,
+                   world->last.texels, world->last.axes, world->next.texels, world->next.axes,
+                   world->roots, world->parent, world->stack, world->tiles, world->tile_leaf, world->boxes,
+                   world->rays, world->hits, world->light.lights,
+                   world->light.total, world->light.ambient, world->coming.lights, world->coming.total,
+                   world->coming.ambient};
+    for (uint32_t k = 0; k < 2; k++) {
+        void *parts[] = {grids[k]->blockers, grids[k]->near.cells, grids[k]->near.entries, grids[k]->far.cells,
+                         grids[k]->far.entries};
+        for (size_t i = 0; i < sizeof parts / sizeof *parts; i++)
+            chiaro_world_free(world, parts[i]);
+    }
     chiaro_cube_kernel_destroy(world->kernel);
     for (size_t k = 0; k < sizeof all / sizeof *all; k++)
         chiaro_world_free(world, all[k]);
@@ -338,8 +342,8 @@ ChiaroResult chiaro_object_add(ChiaroWorld *world, const ChiaroObject *object, c
         return CHIARO_ERROR_MEMORY;
     }
     Body *body = &world->bodies[n];
-    *body = (Body){.object = *object, .used = true, .now = pose, .pose = pose, .first_slot = slot,
-                   .first_element = element};
+    *body = (Body){.object = *object, .used = true, .ball = chiaro_object_is_ball(object), .now = pose, .pose = pose,
+                   .first_slot = slot, .first_element = element};
     memcpy(body->transform, transform, sizeof body->transform);
     for (uint32_t e = 0; e < object->element_count; e++)
         body->shines = body->shines || vec3_max(vec3_load(object->element_more[e].emission)) > 0;

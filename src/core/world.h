@@ -4,10 +4,11 @@
  *   world_round.c     rounds: what is done in a frame, and in which order
  *   world_query.c     light anywhere, and how old everything is
  *   world_tiles.c     the true shape of static surfaces
- *   world_static.c    the static tree as a cube's centre sees it: items, near ones in small pieces
- *   world_paint.c     a cube, painted: items, neighbours, sky, smoothing, what is near seen from the skin
+ *   world_rays.c      what a cube's centre sees of them
+ *   world_paint.c     a cube, painted: static surfaces, neighbours, sky, smoothing, what is near seen from the skin
  *   world_near.c      what is near a hull, summed for one normal
- *   world_blockers.c  what objects do to static surfaces
+ *   world_blockers.c  what stands for an object where it acts on static surfaces
+ *   world_cells.c     which of them matter where, and what they do there
  */
 #ifndef CHIARO_WORLD_INTERNAL_H
 #define CHIARO_WORLD_INTERNAL_H
@@ -41,6 +42,7 @@ typedef struct Body {
     bool present; /* in this round */
     bool painted; /* in this round */
     bool shines;  /* by itself */
+    bool ball;    /* chiaro_object_is_ball() */
     float transform[16];
     Pose now, pose; /* as it was told last; as it is in this round */
     uint32_t first_slot, first_element; /* its nodes begin at 2 * first_element */
@@ -58,28 +60,45 @@ typedef struct StaticLight {
     bool lit;               /* there are values */
 } StaticLight;
 
-/* Blockers and their grid. */
+/* The cells of a grid and their entries: as many as may be for each, while they are filled. */
+typedef struct CellGrid {
+    uint32_t *cells, *entries;
+} CellGrid;
+
+/* Blockers and their grids. */
 typedef struct BlockerGrid {
     ChiaroWorldBlocker *blockers;
-    uint32_t *first;   /* one more than there are cells */
-    uint32_t *entries; /* as many as may be for each cell, while it is built */
-    float *weights;    /* of entries */
+    CellGrid near, far;
+    uint32_t stage, cursor; /* while it is built */
     ChiaroWorldBlockers view;
 } BlockerGrid;
 
-/* A piece of static surface as a cube's centre sees it. */
-typedef struct Item {
-    Vec3 center, normal, direction; /* direction: unit, from the cube */
-    float area, distance, angle;    /* angle: solid */
-    float visible; /* share that nothing hides */
-    uint32_t node;
-    bool near, part; /* part: a piece of a leaf */
-} Item;
+/* A node of the tree over the tiles. */
+typedef struct TileBox {
+    float low[3];
+    uint32_t first; /* of its tiles; without any, of its two halves */
+    float high[3];
+    uint32_t count; /* of tiles */
+} TileBox;
 
 /* The kernel's items beyond the bodies. */
 enum { TASK_ROUND, TASK_SHOWN, WORLD_TASKS };
 
-enum { WORLD_MAX_ITEMS = 8192, WORLD_MAX_NEAR = 1024, WORLD_MAX_BALLS = 64, WORLD_TICKS_A_ROUND = 4 };
+/* A ray of a cube: what part of the texels about it is its own. */
+typedef struct StaticRay {
+    Vec3 direction;
+    float angle; /* solid */
+    float share[4];
+    uint16_t texel[4];
+} StaticRay;
+
+typedef struct StaticHit {
+    float distance;
+    uint32_t tile; /* CHIARO_NONE: the sky */
+} StaticHit;
+
+enum { WORLD_MAX_NEAR = 1024, WORLD_MAX_BALLS = 64, WORLD_TICKS_A_ROUND = 4,
+       WORLD_BLOCK = 16 };
 
 /* Something near a hull: a plate, or a ball of which so much area is seen. */
 typedef struct NearThing {
@@ -119,14 +138,19 @@ struct ChiaroWorld {
     size_t encoded_bytes; /* of a cube */
 
     uint32_t *roots, root_count; /* of the static tree, without the sky */
-    float *albedo;               /* of static nodes */
-    Tile *tiles;                 /* of leaf s: tile_first[s] .. tile_first[s + 1] */
-    uint32_t *tile_first;
+    uint32_t *parent;            /* of each static node; CHIARO_NONE: it is a root */
+    Tile *tiles;
+    TileBox *boxes;
+    uint32_t *tile_leaf, tile_count;
+    StaticRay *rays;
+    StaticHit *hits; /* of the rays of one cube */
+    uint32_t ray_count;
     StaticLight light, coming;   /* of the round; of the next one */
     bool light_comes;
     uint32_t without, without_next; /* ChiaroWorldWithout: in this round; from the next one on */
 
-    bool changed, shown_stale;
+    bool changed, shown_stale; /* stale: not what it would be */
+    bool shown_wanted, shown_building; /* somebody looks at it; it is not whole now */
     uint64_t light_came, blockers_stale; /* calls when these became so */
     uint64_t moves, updates, round_began; /* chiaro_world_run() calls so far; the one in which the round began */
     ChiaroKernel *kernel_of_rounds; /* items: bodies, then WORLD_TASKS */
@@ -138,8 +162,6 @@ struct ChiaroWorld {
     Vec3 eye, forward;
     BlockerGrid grid, shown;      /* as the round sees it; as the host does */
 
-    Item *items;
-    uint64_t *item_order; /* nearest first: the lower half is the number of an item */
     Near near;
     uint32_t *stack;
     float *radiosity; /* of the elements of one object */
@@ -174,25 +196,6 @@ static inline Vec3 tile_center(const Tile *tile)
     return vec3_scale(vec3_add(tile->corner[0], vec3_add(tile->corner[1], tile->corner[2])), 1.0f / 3);
 }
 
-/* Halves a tile across its longest edge; false: that is short enough. */
-static inline bool tile_split(const Tile *tile, float longest, Tile half[2])
-{
-    uint32_t at = 0;
-    float most = 0;
-    for (uint32_t k = 0; k < 3; k++) {
-        Vec3 edge = vec3_sub(tile->corner[(k + 1) % 3], tile->corner[k]);
-        float square = vec3_dot(edge, edge);
-        if (square > most)
-            most = square, at = k;
-    }
-    if (!(most > longest * longest))
-        return false;
-    Vec3 a = tile->corner[at], b = tile->corner[(at + 1) % 3], c = tile->corner[(at + 2) % 3];
-    Vec3 middle = vec3_scale(vec3_add(a, b), 0.5f);
-    half[0] = (Tile){{a, middle, c}}, half[1] = (Tile){{middle, b, c}};
-    return true;
-}
-
 /* --- world_round.c --- */
 /* Something has changed: there will be rounds. `blockers`: those too are not what they were. */
 void chiaro_world_stir(ChiaroWorld *world, bool blockers);
@@ -200,15 +203,18 @@ void chiaro_world_stir(ChiaroWorld *world, bool blockers);
 void chiaro_world_forget(ChiaroWorld *world, uint32_t id);
 
 /* --- world_tiles.c --- */
+/* Finds the roots of the static tree. CHIARO_ERROR_DATA: it is not one. */
+ChiaroResult chiaro_static_roots(ChiaroWorld *world);
 /* Cuts the drawn mesh into tiles and deals them out to the leaves; false: out of memory. */
 bool chiaro_static_tiles(ChiaroWorld *world);
 
-/* --- world_static.c --- */
-/* Finds the roots of the static tree. CHIARO_ERROR_DATA: it is not one. */
-ChiaroResult chiaro_static_roots(ChiaroWorld *world);
-/* What is in front of a cube, into `items` and `item_order`. `radius`: of the part that the cube is for. Returns the
- * number of items. */
-uint32_t chiaro_static_items(ChiaroWorld *world, Vec3 center, float radius);
+/* --- world_rays.c --- */
+/* The tree over the tiles; false: out of memory. */
+bool chiaro_static_boxes(ChiaroWorld *world);
+/* The rays of a cube: four by four side by side make a block, two by two a quarter of it. False: out of memory. */
+bool chiaro_static_rays(ChiaroWorld *world);
+/* What each of them meets, into `hits`. */
+void chiaro_static_trace(ChiaroWorld *world, Vec3 from);
 
 /* --- world_paint.c --- */
 /* Repaints all cubes of a body and lights its elements, from `last` into `next`. */
@@ -223,8 +229,18 @@ void chiaro_near_add(Near *near, const NearThing *thing);
 void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4]);
 
 /* --- world_blockers.c --- */
+/* All blockers of an object, at most CHIARO_MAX_OBJECT_BLOCKERS. Returns their number. */
+uint32_t chiaro_blockers_make(const Pose *pose, const ChiaroObject *object, const float *axes, uint32_t id,
+                              ChiaroWorldBlocker *blockers);
+
+/* --- world_cells.c --- */
 /* Fills a grid; `newest`: with poses and light as they are this moment, instead of as the round sees them. */
 void chiaro_blockers_build(ChiaroWorld *world, BlockerGrid *grid, bool newest);
+/* The same in steps of about so many objects; true: it is whole. Bodies may move and go between steps. */
+void chiaro_blockers_begin(BlockerGrid *grid);
+bool chiaro_blockers_step(ChiaroWorld *world, BlockerGrid *grid, bool newest, uint32_t count);
+/* A step of the grid that is shown; true: it is whole, and has a new revision. */
+bool chiaro_blockers_show(ChiaroWorld *world, uint32_t count);
 /* Does a node look like a ball from all sides? */
 bool chiaro_is_ball(const ChiaroPrimitive *node);
 float chiaro_blockers_at(const BlockerGrid *grid, Vec3 point, Vec3 normal, Vec3 *bounce);

@@ -1,29 +1,12 @@
 /* Near neighbours are seen from the skin, not from the centre: for each normal, near things give what their form factor
  * from the hull says, four plates at a time.
  *
- * A plate is small for its distance: cos cos' A / (pi d^2 + A), which is exact on its axis. Where it stands across the
- * receiver's horizon, the receiver's cosine is cut off softly, over as much as the plate rises above its own centre.
+ * A plate is small for its distance: cos cos' A / (pi d^2 + A (3 cos cos' - 2)), which is the form of a disc to first order
+ * where the two are parallel, and exact on its axis. Many of them that tile a plane have the plane's own form. Off the
+ * axis the second term is left out rather than negative. Where a plate stands across the receiver's horizon, the receiver's cosine is cut off softly, over as much as the plate rises above its own centre.
  */
+#include "lanes.h"
 #include "world.h"
-
-#include <string.h>
-
-enum { LANES = 4 };
-typedef float Lanes __attribute__((vector_size(LANES * sizeof(float))));
-typedef int32_t Mask __attribute__((vector_size(LANES * sizeof(float))));
-
-static inline Lanes load(const float *from)
-{
-    Lanes lanes;
-    memcpy(&lanes, from, sizeof lanes);
-    return lanes;
-}
-
-static inline Lanes lanes_of(float x) { return (Lanes){x, x, x, x}; }
-static inline Lanes choose(Mask mask, Lanes a, Lanes b) { return (Lanes)(((Mask)a & mask) | ((Mask)b & ~mask)); }
-static inline Lanes lanes_min(Lanes a, Lanes b) { return choose(a < b, a, b); }
-static inline Lanes lanes_max(Lanes a, Lanes b) { return choose(a > b, a, b); }
-static inline float sum_lanes(Lanes a) { return (a[0] + a[1]) + (a[2] + a[3]); }
 
 void chiaro_near_add(Near *near, const NearThing *thing)
 {
@@ -46,19 +29,20 @@ void chiaro_near_add(Near *near, const NearThing *thing)
 static Lanes plate_forms(const Near *near, uint32_t i, Vec3 point, Vec3 normal)
 {
     Lanes zero = lanes_of(0), one = lanes_of(1), least = lanes_of(1e-30f);
-    Lanes x = load(near->plates[NEAR_X] + i) - point.x, y = load(near->plates[NEAR_Y] + i) - point.y;
-    Lanes z = load(near->plates[NEAR_Z] + i) - point.z, area = load(near->plates[NEAR_AREA] + i);
-    Lanes nx = load(near->plates[NEAR_NX] + i), ny = load(near->plates[NEAR_NY] + i);
-    Lanes nz = load(near->plates[NEAR_NZ] + i);
+    Lanes x = lanes_load(near->plates[NEAR_X] + i) - point.x, y = lanes_load(near->plates[NEAR_Y] + i) - point.y;
+    Lanes z = lanes_load(near->plates[NEAR_Z] + i) - point.z, area = lanes_load(near->plates[NEAR_AREA] + i);
+    Lanes nx = lanes_load(near->plates[NEAR_NX] + i), ny = lanes_load(near->plates[NEAR_NY] + i);
+    Lanes nz = lanes_load(near->plates[NEAR_NZ] + i);
     Lanes square = x * x + y * y + z * z, height = x * normal.x + y * normal.y + z * normal.z;
     Lanes front = lanes_max(zero, -(x * nx + y * ny + z * nz));
     /* Where its rim is, above its centre: the sine of the angle between the normals, near enough, without a root. */
     Lanes cosine = nx * normal.x + ny * normal.y + nz * normal.z, flat = cosine * cosine;
-    Lanes rise = load(near->plates[NEAR_HALF] + i) * (one - lanes_min(one, flat)) * (one + 0.5f * flat) + least;
+    Lanes rise = lanes_load(near->plates[NEAR_HALF] + i) * (one - lanes_min(one, flat)) * (one + 0.5f * flat) + least;
     Lanes low = lanes_max(-rise, lanes_min(rise, height)) + rise;
     /* low^2 / (4 rise) of its height, and all that is beyond the rise. */
     height = low * low + 4 * rise * lanes_max(zero, height - rise);
-    return lanes_min(one, front * height * area / (4 * rise * square * (CHIARO_PI * square + area) + least));
+    Lanes both = front * height, four = 4 * rise * square;
+    return lanes_min(one, both * area / (CHIARO_PI * four * square + area * lanes_max(zero, 3 * both - 2 * four) + least));
 }
 
 void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4])
@@ -67,13 +51,13 @@ void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4])
     for (uint32_t k = 0; k < LANES - 1; k++)
         near->plates[NEAR_VISIBLE][near->plate_count + k] = 0;
     for (uint32_t i = 0; i < near->plate_count; i += LANES) {
-        Lanes form = plate_forms(near, i, point, normal) * load(near->plates[NEAR_VISIBLE] + i);
+        Lanes form = plate_forms(near, i, point, normal) * lanes_load(near->plates[NEAR_VISIBLE] + i);
         for (uint32_t c = 0; c < 3; c++)
-            sum[c] += form * load(near->plates[NEAR_RED + c] + i);
+            sum[c] += form * lanes_load(near->plates[NEAR_RED + c] + i);
         forms += form;
     }
-    float weight = sum_lanes(forms), p[3], n[3], center[3];
-    Vec3 given = {sum_lanes(sum[0]), sum_lanes(sum[1]), sum_lanes(sum[2])};
+    float weight = lanes_sum(forms), p[3], n[3], center[3];
+    Vec3 given = {lanes_sum(sum[0]), lanes_sum(sum[1]), lanes_sum(sum[2])};
     vec3_store(p, point);
     vec3_store(n, normal);
     for (uint32_t i = 0; i < near->ball_count; i++) {

@@ -1,7 +1,8 @@
 /* A cube, painted (article: Environment maps), and the light on the elements of its object.
  *
- * Static items come nearest first. A texel takes them until it is full: what lies behind a wall finds no room, and
- * small gaps between items are closed. Neighbours lie over what is behind them and under what is in front.
+ * Rays tell which static surface each part of a texel sees, or that it sees the sky. Neighbours lie over what is behind
+ * them and under what is in front. A surface shows the light of a node of the static tree that is no wider than the ray
+ * (article: The ideal size of a primitive is one pixel).
  *
  * What is near is not put into the cube: the smoothing would see it from the centre. It is summed for every texel by its
  * form factor from the object's hull instead, and each row is normalised, so that even surroundings stay even. What the
@@ -12,15 +13,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A texel so full is closed: the items of a surface cover it to a few parts in a hundred. */
-static const float CLOSED = 0.93f;
-/* Where no surface sees the sky, there is no sky between surfaces either. */
-static const float CLOSED_INDOORS = 0.5f;
-/* What lies behind the plane of a nearer item in the same direction, by so much of its own size, is hidden: round things
- * bend away from their plane. */
-static const float BEHIND = 0.25f;
-/* How far out an item counts as there, as a part of its radius. */
-static const float RIM = 0.8f;
+/* In radii of the object's part: static surfaces up to the first count as near, beyond the second as far. */
+static const float NEAR_ALL = 10, NEAR_NONE = 20;
+/* A node of the tree may be so wide, as a part of its distance and a texel's angle; and must look one way, by the length
+ * of its mean normal: a node of both sides of a wall would carry the light of one side to the other. */
+static const float SPAN = 0.25f, ONE_WAY = 0.9f;
+/* A near plate spans no more than this from the nearest skin, or so many radii, unless it is of one ray; and is flat by
+ * this cosine. */
+static const float PLATE_SPAN = 0.5f, FINEST = 0.2f, PLATE_FLAT = 0.999f;
+/* The least cosine under which a ray counts as meeting a surface. */
+static const float GRAZING = 0.03f;
 /* In radii of the object's part: nearer neighbours are seen from the hull. */
 static const float NEAR_OBJECT = 4;
 /* And those that shine by themselves, further off: their light changes with the square of the distance. */
@@ -29,11 +31,8 @@ static const float NEAR_LAMP = 24;
 static const float LEAST_WEIGHT = 0.01f;
 /* Things less visible are left out of the near sum. */
 static const float LEAST_VISIBLE = 0.01f;
-/* Texels that were full already turn a part of an item away, though nothing is in front of it: what gets in by half, or
- * more, counts whole. */
-static const float MOSTLY = 2;
 
-enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS, FRONT_EDGE = 16 };
+enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS };
 
 typedef struct Canvas {
     ChiaroWorld *world;
@@ -44,11 +43,9 @@ typedef struct Canvas {
     bool any_near, any_far;
     float full[CHIARO_CUBE_MAX_TEXELS];           /* static cover */
     Vec3 covered[CHIARO_CUBE_MAX_TEXELS];         /* its directions, summed */
-    uint16_t front[6 * FRONT_EDGE * FRONT_EDGE]; /* 1 + the nearest item in a direction; 0: none yet */
     float before_near[CHIARO_CUBE_MAX_TEXELS], before_far[CHIARO_CUBE_MAX_TEXELS]; /* of it, in front of neighbours */
     float near_share[CHIARO_CUBE_MAX_TEXELS];     /* of it, near */
     float radiance[4 * CHIARO_CUBE_MAX_TEXELS];
-    uint32_t closed;
 } Canvas;
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -199,100 +196,155 @@ static float left_over(const ChiaroCubeTexel *texel, float distance, float share
     return 1;
 }
 
-/* Is there something in front of an item? Texels are too wide to tell: one that sees a floor and the foot of a wall
- * would take the floor behind the wall as well. */
-static bool is_hidden(const Canvas *canvas, const Item *item)
+/* The largest node about a leaf that is no wider than `reach`. */
+static uint32_t find_node(const ChiaroWorld *world, uint32_t leaf, float reach)
 {
-    uint32_t number = canvas->front[chiaro_cube_texel(item->direction, FRONT_EDGE)];
-    if (!number)
-        return false;
-    const Item *front = &canvas->world->items[number - 1];
-    return vec3_dot(vec3_sub(item->center, front->center), front->normal) < -BEHIND * sqrtf(item->area);
-}
-
-/* Enters an item where nothing nearer was: at its middle and around it. */
-static void put_in_front(Canvas *canvas, const Item *item)
-{
-    static const float around[7][2] = {{0, 0}, {1, 0}, {0.5f, 0.866f}, {-0.5f, 0.866f},
-                                       {-1, 0}, {-0.5f, -0.866f}, {0.5f, -0.866f}};
-    Vec3 way = vec3_sub(item->center, canvas->center), tangent, bitangent;
-    float radius = RIM * sqrtf(item->area / CHIARO_PI);
-    vec3_frame(item->normal, &tangent, &bitangent);
-    for (uint32_t k = 0; k < 7; k++) {
-        Vec3 at = vec3_mad(vec3_mad(way, tangent, radius * around[k][0]), bitangent, radius * around[k][1]);
-        uint16_t *front = &canvas->front[chiaro_cube_texel(at, FRONT_EDGE)];
-        if (!*front)
-            *front = (uint16_t)(1 + (item - canvas->world->items));
+    const ChiaroTransport *t = world->desc.transport;
+    uint32_t n = leaf;
+    for (uint32_t up = world->parent[n]; up != CHIARO_NONE; n = up, up = world->parent[n]) {
+        const ChiaroNode *node = &t->nodes[up];
+        if (!(node->radius <= reach) || node->first + node->count > t->sample_count ||
+            !(vec3_length(vec3_load(node->normal)) >= ONE_WAY))
+            break;
     }
+    return n;
 }
 
-static void paint_item(Canvas *canvas, Item *item)
+/* Paints what is far of a ray's surface. Returns how much of it no neighbour hides. */
+static float paint_ray(Canvas *canvas, const StaticRay *ray, float distance, Vec3 radiance, float near)
+{
+    const ChiaroWorld *world = canvas->world;
+    float taken = 0, left = 0;
+    for (uint32_t k = 0; k < 4; k++) {
+        uint32_t t = ray->texel[k];
+        float share = ray->share[k], seen = share;
+        canvas->full[t] += share;
+        canvas->covered[t] = vec3_mad(canvas->covered[t], ray->direction, share);
+        if (canvas->any_near)
+            seen *= left_over(&canvas->near[t], distance, share, &canvas->before_near[t]);
+        if (canvas->any_far)
+            seen *= left_over(&canvas->far[t], distance, share, &canvas->before_far[t]);
+        taken += share * world->kernel->weight[t], left += seen * world->kernel->weight[t];
+        canvas->near_share[t] += near * seen;
+        float *color = canvas->radiance + 4 * (size_t)t, far = (1 - near) * seen;
+        color[0] += far * radiance.x, color[1] += far * radiance.y, color[2] += far * radiance.z;
+    }
+    return taken > 0 ? left / taken : 0;
+}
+
+/* A near piece of surface, on its way to being a plate of its own or a part of one. Of no area: there is none. */
+typedef struct Piece {
+    Vec3 center, normal, ambient, direct, albedo, emission;
+    float area, seen, distance, visible, leaf_area; /* seen: area across the line of sight */
+    bool back;
+} Piece;
+
+static Vec3 near_radiance(const ChiaroWorld *world, const Piece *piece)
+{
+    const StaticLight *light = &world->light;
+    Vec3 bounce, direct = piece->direct;
+    if (piece->back)
+        return vec3(0, 0, 0);
+    /* Where lamps can be asked, their light on this very piece, if that is finer than what the leaf knows. */
+    if (piece->area < piece->leaf_area && light->visible && light->light_count)
+        direct = vec3_add(piece->emission,
+                          vec3_mul(piece->albedo, chiaro_world_direct(world, piece->center, piece->normal)));
+    float open = chiaro_blockers_at(&world->grid, piece->center, piece->normal, &bounce);
+    return vec3_scale(vec3_add(vec3_mad(direct, piece->ambient, open), vec3_mul(piece->albedo, bounce)), 1 / CHIARO_PI);
+}
+
+static void add_plate(Canvas *canvas, const Piece *piece)
+{
+    if (!(piece->visible > LEAST_VISIBLE))
+        return;
+    NearThing thing = {.center = piece->center, .normal = piece->normal, .area = piece->area, .visible = piece->visible,
+                       .radiance = near_radiance(canvas->world, piece)};
+    chiaro_near_add(&canvas->world->near, &thing);
+}
+
+/* A block of pieces side by side is one where that is fine enough; else its quarters are asked. */
+static void add_pieces(Canvas *canvas, const Piece *pieces, uint32_t count)
+{
+    Piece sum = {.normal = pieces[0].normal, .back = pieces[0].back};
+    float least = INFINITY;
+    bool flat = true;
+    if (count == 1) {
+        add_plate(canvas, &pieces[0]);
+        return;
+    }
+    for (uint32_t k = 0; k < count && flat; k++) {
+        const Piece *piece = &pieces[k];
+        float area = piece->area;
+        sum.center = vec3_mad(sum.center, piece->center, area);
+        sum.ambient = vec3_mad(sum.ambient, piece->ambient, area);
+        sum.direct = vec3_mad(sum.direct, piece->direct, area);
+        sum.albedo = vec3_mad(sum.albedo, piece->albedo, area);
+        sum.emission = vec3_mad(sum.emission, piece->emission, area);
+        sum.visible += piece->visible * area, sum.leaf_area += piece->leaf_area * area;
+        sum.area += area, sum.seen += piece->seen;
+        least = fminf(least, piece->distance);
+        flat = area > 0 && vec3_dot(piece->normal, sum.normal) > PLATE_FLAT && piece->back == sum.back;
+    }
+    float span = fmaxf(FINEST * canvas->radius, PLATE_SPAN * (least - canvas->radius));
+    if (!flat || !(sum.seen < span * span)) {
+        for (uint32_t k = 0; k < 4; k++)
+            add_pieces(canvas, pieces + k * (count / 4), count / 4);
+        return;
+    }
+    Vec3 *means[] = {&sum.center, &sum.ambient, &sum.direct, &sum.albedo, &sum.emission};
+    for (uint32_t k = 0; k < sizeof means / sizeof *means; k++)
+        *means[k] = vec3_scale(*means[k], 1 / sum.area);
+    sum.visible /= sum.area, sum.leaf_area /= sum.area;
+    add_plate(canvas, &sum);
+}
+
+/* A ray's surface: what is far of it is painted; what is near becomes a piece. */
+static void take_ray(Canvas *canvas, const StaticRay *ray, const StaticHit *hit, float span, Piece *piece)
 {
     const ChiaroWorld *world = canvas->world;
     const StaticLight *light = &world->light;
-    ChiaroCubeTaps taps = chiaro_cube_taps(world->kernel, item->direction);
+    const Tile *tile = &world->tiles[hit->tile];
+    uint32_t leaf = world->tile_leaf[hit->tile];
+    Vec3 normal = vec3_normalize(vec3_cross(vec3_sub(tile->corner[1], tile->corner[0]),
+                                            vec3_sub(tile->corner[2], tile->corner[0])));
+    float cosine = -vec3_dot(normal, ray->direction), distance = hit->distance;
+    float near = chiaro_clamp((NEAR_NONE - distance / canvas->radius) / (NEAR_NONE - NEAR_ALL), 0, 1);
+    bool back = cosine < 0;
+    near = world->without & CHIARO_WORLD_WITHOUT_SKIN ? 0 : near;
     Vec3 radiance = {0, 0, 0};
-    if (light->lit && !item->near)
-        radiance = vec3_scale(vec3_load(light->total + 3 * (size_t)item->node), 1 / CHIARO_PI);
-    float taken = 0, left = 0;
-    for (uint32_t k = 0; k < 4; k++) {
-        uint32_t t = taps.texel[k];
-        float share = item->angle * taps.weight[k] / world->kernel->weight[t], seen = share;
-        if (!(share > 0) || canvas->full[t] >= CLOSED)
-            continue;
-        canvas->full[t] += share;
-        canvas->covered[t] = vec3_mad(canvas->covered[t], item->direction, share);
-        canvas->closed += canvas->full[t] >= CLOSED;
-        if (canvas->any_near)
-            seen *= left_over(&canvas->near[t], item->distance, share, &canvas->before_near[t]);
-        if (canvas->any_far)
-            seen *= left_over(&canvas->far[t], item->distance, share, &canvas->before_far[t]);
-        if (item->near)
-            canvas->near_share[t] += seen;
-        for (uint32_t c = 0; c < 3; c++)
-            canvas->radiance[4 * t + c] += seen * (c == 0 ? radiance.x : c == 1 ? radiance.y : radiance.z);
-        taken += share * world->kernel->weight[t], left += seen * world->kernel->weight[t];
-    }
-    item->visible = taken > 0 ? fminf(1, MOSTLY * taken / item->angle) * left / taken : 0;
-}
-
-/* Radiosity of a near item: its ambient light blocked by objects, their bounce added; and where lamps can be asked,
- * their light on this very piece. */
-static Vec3 item_radiosity(const ChiaroWorld *world, const Item *item)
-{
-    const StaticLight *light = &world->light;
-    Vec3 bounce, albedo = vec3_load(world->albedo + 3 * (size_t)item->node);
-    Vec3 ambient = {0, 0, 0}, direct = {0, 0, 0};
+    near *= near * (3 - 2 * near);
+    if (light->lit && near < 1 && !back)
+        radiance = vec3_load(light->total + 3 * (size_t)find_node(world, leaf, span * distance));
+    float visible = paint_ray(canvas, ray, distance, vec3_scale(radiance, 1 / CHIARO_PI), near);
+    if (!(near > 0))
+        return;
+    const ChiaroSample *sample = &world->desc.transport->samples[leaf];
+    *piece = (Piece){.normal = back ? vec3_scale(normal, -1) : normal, .albedo = vec3_load(sample->albedo),
+                     .emission = vec3_load(sample->emission), .distance = distance, .visible = near * visible,
+                     .leaf_area = sample->area, .back = back};
+    piece->center = vec3_mad(canvas->center, ray->direction, distance);
+    piece->seen = ray->angle * distance * distance;
+    piece->area = piece->seen / fmaxf(GRAZING, fabsf(cosine));
     if (light->lit) {
-        ambient = vec3_load(light->ambient + 3 * (size_t)item->node);
-        direct = vec3_sub(vec3_load(light->total + 3 * (size_t)item->node), ambient);
+        piece->ambient = vec3_load(light->ambient + 3 * (size_t)leaf);
+        piece->direct = vec3_sub(vec3_load(light->total + 3 * (size_t)leaf), piece->ambient);
     }
-    if (item->part && light->visible && light->light_count) {
-        const ChiaroSample *sample = &world->desc.transport->samples[world->desc.transport->nodes[item->node].first];
-        direct = vec3_add(vec3_load(sample->emission),
-                          vec3_mul(albedo, chiaro_world_direct(world, item->center, item->normal)));
-    }
-    float open = chiaro_blockers_at(&world->grid, item->center, item->normal, &bounce);
-    return vec3_add(vec3_mad(direct, ambient, open), vec3_mul(albedo, bounce));
 }
 
 static void paint_static(Canvas *canvas)
 {
     ChiaroWorld *world = canvas->world;
-    uint32_t count = chiaro_static_items(world, canvas->center, canvas->radius);
-    for (uint32_t i = 0; i < count && canvas->closed < world->texel_count; i++) {
-        Item *item = &world->items[(uint32_t)world->item_order[i]];
-        item->near &= world->near.plate_count < WORLD_MAX_NEAR && !(world->without & CHIARO_WORLD_WITHOUT_SKIN);
-        if (is_hidden(canvas, item))
-            continue;
-        put_in_front(canvas, item);
-        paint_item(canvas, item);
-        if (!item->near || !(item->visible > LEAST_VISIBLE))
-            continue;
-        NearThing thing = {.center = item->center, .normal = item->normal, .area = item->area,
-                           .visible = item->visible};
-        thing.radiance = vec3_scale(item_radiosity(world, item), 1 / CHIARO_PI);
-        chiaro_near_add(&canvas->world->near, &thing);
+    float span = SPAN * CHIARO_PI / 2 / (float)world->desc.edge;
+    if (!world->tile_count)
+        return;
+    chiaro_static_trace(world, canvas->center);
+    for (uint32_t r = 0; r < world->ray_count; r += WORLD_BLOCK) {
+        Piece pieces[WORLD_BLOCK] = {{.area = 0}};
+        for (uint32_t k = 0; k < WORLD_BLOCK; k++) {
+            if (world->hits[r + k].tile != CHIARO_NONE)
+                take_ray(canvas, &world->rays[r + k], &world->hits[r + k], span, &pieces[k]);
+        }
+        add_pieces(canvas, pieces, WORLD_BLOCK);
     }
 }
 
@@ -313,21 +365,17 @@ static float open_sky(const Canvas *canvas, uint32_t t, float cover, uint32_t ch
 static void resolve(Canvas *canvas)
 {
     const ChiaroWorld *world = canvas->world;
-    bool indoors = world->desc.transport && !world->desc.transport->info.sky_seen;
     for (uint32_t t = 0; t < world->texel_count; t++) {
-        float full = canvas->full[t], closed = indoors ? CLOSED_INDOORS : CLOSED;
-        float scale = full >= closed ? 1 / full : 1, cover = full >= closed ? 1 : full;
-        float near = canvas->near[t].coverage, far = canvas->far[t].coverage;
-        float near_seen = near * (1 - fminf(1, scale * canvas->before_near[t]));
-        float far_open = (1 - near) * (1 - fminf(1, scale * canvas->before_far[t]));
-        float sky = (1 - near) * (1 - far);
+        float cover = fminf(1, canvas->full[t]), near = canvas->near[t].coverage, far = canvas->far[t].coverage;
+        float near_seen = near * (1 - fminf(1, canvas->before_near[t]));
+        float far_open = (1 - near) * (1 - fminf(1, canvas->before_far[t])), sky = (1 - near) * (1 - far);
         for (uint32_t c = 0; c < 3; c++) {
             float *radiance = &canvas->radiance[4 * t + c];
-            *radiance = scale * *radiance + far_open * canvas->far[t].radiance[c];
+            *radiance += far_open * canvas->far[t].radiance[c];
             if (cover < 1)
                 *radiance += sky * open_sky(canvas, t, cover, c);
         }
-        canvas->radiance[4 * t + 3] = 1 - scale * canvas->near_share[t] - near_seen;
+        canvas->radiance[4 * t + 3] = 1 - canvas->near_share[t] - near_seen;
     }
 }
 
@@ -368,13 +416,12 @@ static void paint_center(Canvas *canvas, uint32_t id, Vec3 center, float radius,
 {
     ChiaroWorld *world = canvas->world;
     memset(canvas->full, 0, sizeof canvas->full);
-    memset(canvas->front, 0, sizeof canvas->front);
     memset(canvas->covered, 0, sizeof canvas->covered);
     memset(canvas->before_near, 0, sizeof canvas->before_near);
     memset(canvas->before_far, 0, sizeof canvas->before_far);
     memset(canvas->near_share, 0, sizeof canvas->near_share);
     memset(canvas->radiance, 0, sizeof canvas->radiance);
-    canvas->closed = world->near.plate_count = world->near.ball_count = 0;
+    world->near.plate_count = world->near.ball_count = 0;
     canvas->any_near = canvas->any_far = false;
     canvas->center = center;
     canvas->radius = radius;

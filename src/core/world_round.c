@@ -17,6 +17,8 @@ enum { KIND_PAINT = ROUND_PAINT, KIND_PAINT_STATIC, KIND_SHOWN };
 enum { PAINT_UNITS = 16, PAINT_STATIC_UNITS = 100, SLICE_UNITS = 8, OBJECTS_A_UNIT = 16, LISTS_A_UNIT = 1,
        BLOCKERS_A_UNIT = 1 };
 
+/* What objects do to static surfaces is seen at once, but the rest of the frame is not only for it. */
+static const float SHOWN_URGENCY = 1;
 /* What is not seen may wait, but does light what is. */
 static const float UNSEEN = 0.05f;
 /* A cube is taken to have changed by this share of its light when its object has moved by its own radius. */
@@ -68,18 +70,20 @@ static ChiaroNeighbourObject neighbour_of(const ChiaroWorld *world, const Body *
     return object;
 }
 
-/* What is left of the stage is due. The blockers are laid out at once. */
+/* What is left of the stage is due. */
 static void ask_for_stage(ChiaroWorld *world)
 {
     static const uint32_t a_unit[] = {1, OBJECTS_A_UNIT, LISTS_A_UNIT, BLOCKERS_A_UNIT};
     uint32_t units = 1 + (world->body_end - world->cursor) / a_unit[world->stage];
     chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_ROUND, world->stage, 1, units,
-                      world->stage == ROUND_BLOCKERS ? units : SLICE_UNITS);
+                      SLICE_UNITS);
 }
 
 static void enter_stage(ChiaroWorld *world, uint32_t stage)
 {
     world->stage = stage, world->cursor = 0;
+    if (stage == ROUND_BLOCKERS)
+        chiaro_blockers_begin(&world->grid);
     if (stage != ROUND_PAINT)
         ask_for_stage(world);
 }
@@ -166,6 +170,7 @@ static void begin_slice(ChiaroWorld *world, uint32_t units)
 {
     uint32_t end = world->body_end, more = units * (world->stage == ROUND_OBJECTS ? OBJECTS_A_UNIT : LISTS_A_UNIT);
     uint32_t next = more < end - world->cursor ? world->cursor + more : end;
+    bool whole = next == end;
     switch (world->stage) {
     case ROUND_OBJECTS:
         for (uint32_t n = world->cursor; n < next; n++)
@@ -173,11 +178,12 @@ static void begin_slice(ChiaroWorld *world, uint32_t units)
         break;
     case ROUND_LISTS: search_slice(world, world->cursor, next); break;
     default:
-        next = end;
-        chiaro_blockers_build(world, &world->grid, false);
+        /* Several ways through all objects: each is asked for when it comes. */
+        whole = chiaro_blockers_step(world, &world->grid, false, units * BLOCKERS_A_UNIT);
+        next = 0;
     }
     world->cursor = next;
-    if (next < end) {
+    if (!whole) {
         ask_for_stage(world);
         return;
     }
@@ -250,12 +256,20 @@ static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t *painted)
  * A frame
  */
 
-/* What objects do to static surfaces, as they are now. */
-static void show_blockers(ChiaroWorld *world)
+/* The grid that is shown follows, if somebody looks at it. */
+static void ask_for_shown(ChiaroWorld *world)
 {
-    chiaro_blockers_build(world, &world->shown, true);
-    chiaro_kernel_drop(world->kernel_of_rounds, world->desc.object_capacity + TASK_SHOWN);
-    world->shown_stale = false;
+    if (world->shown_building || (world->shown_wanted && world->shown_stale))
+        chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_SHOWN, KIND_SHOWN, SHOWN_URGENCY,
+                          1 + world->body_end / BLOCKERS_A_UNIT, SLICE_UNITS);
+}
+
+static void work_on_shown(ChiaroWorld *world, uint32_t units)
+{
+    if (chiaro_blockers_show(world, units * BLOCKERS_A_UNIT))
+        chiaro_kernel_drop(world->kernel_of_rounds, world->desc.object_capacity + TASK_SHOWN);
+    else
+        ask_for_shown(world);
 }
 
 /* Works until the kernel says that the frame is over, `cubes` were painted, `painted` could overflow, or a round ends. */
@@ -271,14 +285,15 @@ static uint32_t work(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, ui
         if (world->rounds_left)
             begin_round(world);
     }
+    ask_for_shown(world);
     while (count < cubes && count + CHIARO_MAX_OBJECT_PARTS <= capacity &&
            (item = chiaro_kernel_next(world->kernel_of_rounds, &units)) != CHIARO_NONE) {
         if (item < world->desc.object_capacity)
             count += paint_body(world, item, painted ? painted + count : NULL);
-        else if (item == world->desc.object_capacity + TASK_ROUND)
-            begin_slice(world, units);
+        else if (item == world->desc.object_capacity + TASK_SHOWN)
+            work_on_shown(world, units);
         else
-            show_blockers(world);
+            begin_slice(world, units);
     }
     if (world->stage == ROUND_PAINT && world->unpainted == 0)
         end_round(world);
@@ -288,9 +303,6 @@ static uint32_t work(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, ui
 uint32_t chiaro_world_run(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, uint32_t *painted, uint32_t capacity)
 {
     world->updates++;
-    if (world->shown_stale)
-        chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_SHOWN, KIND_SHOWN, 1,
-                          1 + world->body_end / BLOCKERS_A_UNIT, 0);
     return work(world, budget, spent, UINT32_MAX, painted, capacity);
 }
 
@@ -300,14 +312,13 @@ uint32_t chiaro_world_update(ChiaroWorld *world, uint32_t budget, uint32_t *pain
     world->updates++;
     if (budget)
         count = work(world, (ChiaroBudget){0}, 0, budget, painted, UINT32_MAX);
-    if (world->shown_stale)
-        show_blockers(world);
     return count;
 }
 
 bool chiaro_world_settled(const ChiaroWorld *world)
 {
-    return world->stage == ROUND_NONE && !world->changed && world->rounds_left == 0 && !world->shown_stale;
+    return world->stage == ROUND_NONE && !world->changed && world->rounds_left == 0 && !world->shown_building &&
+           !(world->shown_wanted && world->shown_stale);
 }
 
 uint64_t chiaro_world_moves(const ChiaroWorld *world) { return world->moves; }

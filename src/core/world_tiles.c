@@ -1,7 +1,5 @@
-/* Tiles: the true shape of static surfaces, for what is near. A leaf of the tree is a patch of any outline, and a disc
- * or a square of its area leaves gaps beside its neighbours, through which light would come. So each leaf keeps those
- * pieces of the drawn mesh that are nearest to it: triangles no larger than a leaf, which together cover every surface
- * once.
+/* Tiles: the true shape of static surfaces. A leaf of the tree is a patch of any outline; tiles are pieces of the drawn
+ * mesh, triangles no larger than a leaf, which together cover every surface once. Each is of the leaf that is nearest.
  */
 #include "world.h"
 
@@ -10,9 +8,38 @@ static const float LONGEST = 1.5f;
 /* A leaf that faces elsewhere is as far off as this many edges of a leaf. */
 static const float TURNED = 4;
 
+ChiaroResult chiaro_static_roots(ChiaroWorld *world)
+{
+    const ChiaroTransport *t = world->desc.transport;
+    bool *child = chiaro_world_alloc(world, t->node_count, sizeof *child), sound = true;
+    if (!child)
+        return CHIARO_ERROR_MEMORY;
+    for (uint32_t n = 0; n < t->node_count; n++)
+        world->parent[n] = CHIARO_NONE;
+    for (uint32_t n = t->leaf_count; sound && n < t->node_count; n++) {
+        const ChiaroNode *node = &t->nodes[n], *left = &t->nodes[node->left], *right = &t->nodes[node->right];
+        /* Another name for the same leaves is no parent. */
+        world->parent[node->left] = world->parent[node->right] = n;
+        if (node->left == node->right && node->count == 1 && node->left < t->leaf_count) {
+            child[node->left] = true;
+            continue;
+        }
+        sound = left->count < node->count && right->count < node->count && left->first == node->first &&
+                right->first == left->first + left->count && left->count + right->count == node->count;
+        child[node->left] = child[node->right] = true;
+    }
+    for (uint32_t n = 0; sound && n < t->node_count; n++) {
+        const ChiaroNode *node = &t->nodes[n];
+        if (!child[n] && node->first < t->sample_count)
+            world->roots[world->root_count++] = n;
+    }
+    chiaro_world_free(world, child);
+    return sound ? CHIARO_OK : CHIARO_ERROR_DATA;
+}
+
 typedef struct Tiling {
     ChiaroWorld *world;
-    uint32_t *leaf; /* of each tile; NULL while tiles are counted */
+    bool counted; /* else they are only counted */
     uint32_t count;
     float longest;
 } Tiling;
@@ -47,6 +74,25 @@ static uint32_t nearest_leaf(const ChiaroWorld *world, Vec3 place, Vec3 normal, 
     return best;
 }
 
+/* Halves a tile across its longest edge; false: that is short enough. */
+static bool split_tile(const Tile *tile, float longest, Tile half[2])
+{
+    uint32_t at = 0;
+    float most = 0;
+    for (uint32_t k = 0; k < 3; k++) {
+        Vec3 edge = vec3_sub(tile->corner[(k + 1) % 3], tile->corner[k]);
+        float square = vec3_dot(edge, edge);
+        if (square > most)
+            most = square, at = k;
+    }
+    if (!(most > longest * longest))
+        return false;
+    Vec3 a = tile->corner[at], b = tile->corner[(at + 1) % 3], c = tile->corner[(at + 2) % 3];
+    Vec3 middle = vec3_scale(vec3_add(a, b), 0.5f);
+    half[0] = (Tile){{a, middle, c}}, half[1] = (Tile){{middle, b, c}};
+    return true;
+}
+
 static void lay_tile(Tiling *tiling, const Tile *tile)
 {
     Vec3 cross = vec3_cross(vec3_sub(tile->corner[1], tile->corner[0]), vec3_sub(tile->corner[2], tile->corner[0]));
@@ -54,14 +100,14 @@ static void lay_tile(Tiling *tiling, const Tile *tile)
     Tile half[2];
     if (!(vec3_dot(cross, cross) > 0))
         return;
-    if (tile_split(tile, tiling->longest, half)) {
+    if (split_tile(tile, tiling->longest, half)) {
         lay_tile(tiling, &half[0]);
         lay_tile(tiling, &half[1]);
         return;
     }
-    if (tiling->leaf) {
+    if (tiling->counted) {
         tiling->world->tiles[tiling->count] = *tile;
-        tiling->leaf[tiling->count] = nearest_leaf(tiling->world, tile_center(tile), normal, tiling->longest);
+        tiling->world->tile_leaf[tiling->count] = nearest_leaf(tiling->world, tile_center(tile), normal, tiling->longest);
     }
     tiling->count++;
 }
@@ -78,41 +124,19 @@ static void lay_all(Tiling *tiling)
     }
 }
 
-/* In the order of their leaves. */
-static bool sort_tiles(ChiaroWorld *world, const uint32_t *leaf, uint32_t count)
-{
-    uint32_t samples = world->desc.transport->sample_count, *first = world->tile_first;
-    Tile *sorted = chiaro_world_alloc(world, count, sizeof *sorted);
-    for (uint32_t i = 0; sorted && i < count; i++)
-        first[leaf[i] + 1]++;
-    for (uint32_t s = 0; sorted && s < samples; s++)
-        first[s + 1] += first[s];
-    for (uint32_t i = count; sorted && i-- > 0;)
-        sorted[--first[leaf[i] + 1]] = world->tiles[i];
-    /* Each entry has sunk to the beginning of its leaf's run: one place further down than it belongs. */
-    for (uint32_t s = 0; sorted && s < samples; s++)
-        first[s] = first[s + 1];
-    if (sorted)
-        first[samples] = count;
-    chiaro_world_free(world, world->tiles);
-    world->tiles = sorted;
-    return sorted != NULL;
-}
-
 bool chiaro_static_tiles(ChiaroWorld *world)
 {
     const ChiaroTransport *t = world->desc.transport;
     Tiling tiling = {.world = world, .longest = LONGEST * fmaxf(t->info.patch_size, 1e-6f)};
-    world->tile_first = chiaro_world_alloc(world, (size_t)t->sample_count + 1, sizeof *world->tile_first);
+    if (!world->root_count)
+        return true;
     lay_all(&tiling);
-    uint32_t count = world->root_count ? tiling.count : 0;
-    world->tiles = chiaro_world_alloc(world, count, sizeof *world->tiles);
-    uint32_t *leaf = chiaro_world_alloc(world, count, sizeof *leaf);
-    bool ok = world->tile_first && world->tiles && leaf;
-    tiling.leaf = leaf;
-    if (ok && count)
-        lay_all(&tiling);
-    ok = ok && sort_tiles(world, leaf, count);
-    chiaro_world_free(world, leaf);
-    return ok;
+    world->tiles = chiaro_world_alloc(world, tiling.count, sizeof *world->tiles);
+    world->tile_leaf = chiaro_world_alloc(world, tiling.count, sizeof *world->tile_leaf);
+    if (!world->tiles || !world->tile_leaf)
+        return false;
+    tiling.counted = true;
+    lay_all(&tiling);
+    world->tile_count = tiling.count;
+    return true;
 }

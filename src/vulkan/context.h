@@ -119,9 +119,10 @@ VkShaderModule chiaro_shader_module(ChiaroVulkan *context, Arena *arena, const u
 
 /* Bits of a kind of surface: which forward pipeline draws it. */
 enum { SURFACE_TEXTURED = 1, SURFACE_MASKED = 2, SURFACE_KINDS = 4 };
-/* Bits of what lights it: lights with shadows, bounce light, the sun of the sky (which is one of the lights), and objects
- * that stand in the way. */
-enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_SUN = 4, FORWARD_BLOCKED = 8, FORWARD_KINDS = 16 };
+/* Bits of what lights it: lights with shadows, bounce light, the sun of the sky (which is one of the lights), objects that
+ * stand in the way, and some of them of more than one piece. */
+enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_SUN = 4, FORWARD_BLOCKED = 8, FORWARD_PIECES = 16, FORWARD_KINDS = 32 };
+enum { FORWARD_OBJECTS = FORWARD_BLOCKED | FORWARD_PIECES };
 enum { GI_SAMPLES_LIT, GI_SAMPLES_DARK, GI_TREE, GI_GATHER_SAMPLES, GI_GATHER_RECEIVERS, GI_BLEND, GI_PASSES };
 enum { SHADOW_OPAQUE, SHADOW_MASKED, SHADOW_MASKED_TEXTURED, SHADOW_KINDS };
 
@@ -281,7 +282,8 @@ typedef struct ObjectsState {
     float *colors;     /* two cubes a slot */
     uint32_t *painted; /* slots that the last update painted */
     uint32_t *encoded; /* two cubes */
-    uint32_t *cells;   /* of the grid of blockers, as the device has them */
+    uint32_t *near_cells, *near_entries; /* as the device has them */
+    bool pieces; /* not all objects are plain balls */
     uint32_t painted_count, fading;
     uint64_t moves; /* of the world, when its objects were looked at last */
     bool show_changed, blockers_due;
@@ -394,7 +396,8 @@ static inline bool chiaro_vulkan_without(const ChiaroVulkan *context, ChiaroVulk
 /* The sun of the sky shines: a light with a shadow, that counts as indirect as all light of the sky does. */
 static inline bool chiaro_vulkan_sun(const ChiaroVulkan *context)
 {
-    return context->sky.has_sun && !chiaro_vulkan_without(context, CHIARO_WITHOUT_SKY_SUN) && context->scene.transport.sky_count > 0 && chiaro_vulkan_gi(context);
+    return context->sky.has_sun && !chiaro_vulkan_without(context, CHIARO_WITHOUT_SKY_SUN) &&
+           context->scene.transport.sky_count > 0 && chiaro_vulkan_gi(context);
 }
 
 /* Lights that shine: the host's, and the sun of the sky. */
@@ -422,7 +425,7 @@ static inline uint32_t chiaro_forward_lighting(const ChiaroVulkan *context)
     bool gi = chiaro_vulkan_gi(context) && !chiaro_vulkan_without(context, CHIARO_WITHOUT_LINKS);
     bool blocked = gi && chiaro_vulkan_object_gi(context) && !chiaro_vulkan_without(context, CHIARO_WITHOUT_BLOCKERS);
     return (lit ? FORWARD_LIT : 0u) | (gi ? FORWARD_GI : 0u) | (sun ? FORWARD_SUN : 0u) |
-           (blocked ? FORWARD_BLOCKED : 0u);
+           (blocked ? FORWARD_BLOCKED : 0u) | (blocked && context->objects.pieces ? FORWARD_PIECES : 0u);
 }
 
 /* The same for objects. */

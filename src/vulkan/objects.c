@@ -18,16 +18,23 @@
 /* Frames that a fade takes: as many as lie between two paintings of a cube, within these. */
 enum { DEFAULT_CUBES = 8, SHORTEST_FADE = 4, LONGEST_FADE = 64 };
 
-/* At most: see sort_cells. */
-enum { CELL_WORDS = CHIARO_MAX_WORLD_CELLS * (CHIARO_MAX_CELL_BLOCKERS + 2) + 1 };
-
 /* The light of the static scene follows objects' shadows this often, in frames: illumination may be late. */
 enum { SHADOW_INTERVAL = 8 };
 
 /* The bounds that shadow maps cover grow by more than is needed, in diagonals of the scene, so that they seldom grow. */
 static const float growth = 0.1f;
 
-_Static_assert(sizeof(ChiaroWorldBlocker) == 144, "ChiaroBlocker of chiaro.glsl");
+_Static_assert(sizeof(ChiaroWorldBlocker) == 4 * CHIARO_BLOCKER_WORDS &&
+                   offsetof(ChiaroWorldBlocker, radius) == 4 * CHIARO_BLOCKER_RADIUS &&
+                   offsetof(ChiaroWorldBlocker, across) == 4 * CHIARO_BLOCKER_ACROSS &&
+                   offsetof(ChiaroWorldBlocker, along) == 4 * CHIARO_BLOCKER_ALONG &&
+                   offsetof(ChiaroWorldBlocker, radiance) == 4 * CHIARO_BLOCKER_RADIANCE &&
+                   offsetof(ChiaroWorldBlocker, emission) == 4 * CHIARO_BLOCKER_EMISSION &&
+                   offsetof(ChiaroWorldBlocker, object) == 4 * CHIARO_BLOCKER_OBJECT,
+               "words of a blocker");
+_Static_assert(CHIARO_BLOCKER_NEAR == CHIARO_NEAR && CHIARO_BLOCKER_REACH == CHIARO_REACH &&
+                   CHIARO_BLOCKER_GAP == (float)CHIARO_GAP,
+               "constants of blockers");
 _Static_assert(sizeof(ChiaroObjectVertex) == 36, "vertex input of objects");
 _Static_assert(CHIARO_GPU_CUBE_UNORM8 == CHIARO_CUBE_UNORM8 && CHIARO_GPU_CUBE_HALF == CHIARO_CUBE_HALF &&
                    CHIARO_GPU_CUBE_SHARED == CHIARO_CUBE_SHARED_EXPONENT,
@@ -101,8 +108,11 @@ static ChiaroResult create_lists(ChiaroVulkan *context, const ChiaroVulkanObject
     state->painted_room = state->slot_count + state->cubes + CHIARO_MAX_OBJECT_PARTS;
     state->painted = chiaro_vulkan_alloc(context, state->painted_room, sizeof(uint32_t));
     state->encoded = chiaro_vulkan_alloc(context, 2 * (size_t)state->words, sizeof(uint32_t));
-    state->cells = chiaro_vulkan_alloc(context, CELL_WORDS, sizeof(uint32_t));
-    if (!state->cells || !state->placed || !state->meshes_by_number || !state->shown || !state->slots || !state->scales ||
+    state->near_entries = chiaro_vulkan_alloc(context, 2 * (size_t)chiaro_world_cells(state->capacity),
+                                              CHIARO_MAX_CELL_BLOCKERS * sizeof *state->near_entries);
+    state->near_cells = chiaro_vulkan_alloc(context, chiaro_world_cells(state->capacity), sizeof *state->near_cells);
+    if (!state->near_cells || !state->near_entries || !state->placed || !state->meshes_by_number || !state->shown ||
+        !state->slots || !state->scales ||
         !state->colors || !state->painted || !state->encoded)
         return CHIARO_ERROR_MEMORY;
     for (uint32_t i = 0; i < state->capacity; i++)
@@ -110,8 +120,10 @@ static ChiaroResult create_lists(ChiaroVulkan *context, const ChiaroVulkanObject
     for (uint32_t i = 0; i < state->slot_count; i++)
         state->slots[i].id = CHIARO_NONE;
     state->mesh_count = info->mesh_count;
-    for (uint32_t i = 0; i < info->mesh_count; i++)
+    for (uint32_t i = 0; i < info->mesh_count; i++) {
         find_parts(&state->meshes, &info->meshes[i], &state->meshes_by_number[i]);
+        state->pieces |= !chiaro_object_is_ball(info->meshes[i].object);
+    }
     return CHIARO_OK;
 }
 
@@ -124,7 +136,7 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
         return CHIARO_ERROR_MEMORY;
     const VkBufferUsageFlags copied = VK_BUFFER_USAGE_TRANSFER_DST_BIT;
     const VkBufferUsageFlags storage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | copied;
-    const uint64_t capacity = state->capacity, slots = state->slot_count;
+    const uint64_t capacity = state->capacity, slots = state->slot_count, cells = chiaro_world_cells(state->capacity);
     bool gi = !context->settings.gi_off;
     uint64_t *bytes = &state->bytes;
     struct {
@@ -135,7 +147,7 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
         {&state->scale_buffer, sizeof(ChiaroGpuCubes) + slots * 2 * sizeof(float)},
         {&state->cube_buffer, slots * 2 * state->words * sizeof(uint32_t)},
         {&state->blockers, CHIARO_MAX_OBJECT_BLOCKERS * capacity * sizeof(ChiaroWorldBlocker)},
-        {&state->grid, sizeof(ChiaroGpuGrid) + CELL_WORDS * sizeof(uint32_t)},
+        {&state->grid, 2 * sizeof(ChiaroGpuGrid) + cells * (2 + 3 * CHIARO_MAX_CELL_BLOCKERS) * sizeof(uint32_t)},
     };
     for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
         *wanted[i].buffer =
@@ -242,7 +254,7 @@ void chiaro_objects_release(ChiaroVulkan *context)
     chiaro_arena_retire(context, &state->arena);
     chiaro_arena_retire(context, &state->read_arena);
     void *lists[] = {state->meshes_by_number, state->shown, state->slots, state->scales,
-                     state->placed, state->colors,  state->painted, state->encoded, state->cells};
+                     state->placed, state->colors, state->painted, state->encoded, state->near_entries, state->near_cells};
     for (uint32_t i = 0; i < sizeof lists / sizeof *lists; i++)
         chiaro_vulkan_free(context, lists[i]);
     memset(state, 0, sizeof *state);
@@ -496,38 +508,72 @@ static void fade_cubes(ChiaroVulkan *context, VkCommandBuffer commands)
 
 /* ---- back onto the static world ----------------------------------------------------------------------------------- */
 
-static bool is_plain_ball(const ChiaroWorldBlocker *b)
+/* Plain balls as the near grid has them (ChiaroGpuGrid). Returns the number of words; the words of cells, which are in
+ * `cells` afterwards, tell where each begins. */
+static uint32_t pack_near(ObjectsState *state, const ChiaroWorldBlockers *b, ChiaroGpuGrid *grid, uint32_t *cells)
 {
-    return !b->plate && b->emission[0] == 0 && b->emission[1] == 0 && b->emission[2] == 0;
-}
-
-/* Entries of a cell as the shader wants them (ChiaroCells): objects that are one plain ball, then the others. */
-static void sort_cells(const ChiaroWorldBlockers *b, uint32_t *words)
-{
-    uint32_t *entries = words + 2 * (size_t)b->cell_count + 1, written = 0;
-    for (uint32_t c = 0; c < b->cell_count; c++) {
-        uint32_t first = b->cell_first[c], end = b->cell_first[c + 1];
-        for (uint32_t others = 0; others < 2; others++) {
-            words[2 * (size_t)c + others] = written;
-            for (uint32_t k = first, next; k < end; k = next) {
-                const ChiaroWorldBlocker *blocker = &b->blockers[b->cell_blockers[k]];
-                for (next = k + 1; next < end && b->blockers[b->cell_blockers[next]].object == blocker->object;)
-                    next++;
-                if ((next == k + 1 && is_plain_ball(blocker)) == !others) {
-                    memcpy(entries + written, b->cell_blockers + k, (next - k) * sizeof *entries);
-                    written += next - k;
+    const ChiaroBlockerCells *near = &b->near;
+    uint32_t written = 0, number = 0, x, y, z;
+    float largest = 0;
+    for (uint32_t i = 0; i < b->blocker_count; i++)
+        largest = fmaxf(largest, b->blockers[i].radius);
+    grid->range[1] = CHIARO_BLOCKER_NEAR * largest + near->size;
+    grid->range[2] = largest;
+    const float share = 1 / grid->range[1];
+    for (z = 0; z < near->count[2]; z++) {
+        for (y = 0; y < near->count[1]; y++) {
+            for (x = 0; x < near->count[0]; x++, number++) {
+                uint32_t word = near->cells[number], first = CHIARO_CELL_FIRST(word), balls = CHIARO_CELL_BALLS(word);
+                const float corner[3] = {near->low[0] + near->size * (float)x, near->low[1] + near->size * (float)y,
+                                         near->low[2] + near->size * (float)z};
+                cells[number] = (word & ~0xfffffu) | written;
+                for (uint32_t k = first; k < first + balls; k++) {
+                    const ChiaroWorldBlocker *ball = &b->blockers[near->entries[k]];
+                    uint16_t parts[4];
+                    for (int c = 0; c < 3; c++)
+                        parts[c] = (uint16_t)(int16_t)lrintf(32767 * share * (ball->center[c] - corner[c]));
+                    parts[3] = (uint16_t)lrintf(65535 * sqrtf(ball->radius / largest));
+                    memcpy(state->near_entries + written, parts, sizeof parts);
+                    written += 2;
                 }
+                for (uint32_t k = first + balls; k < first + balls + CHIARO_CELL_OTHERS(word); k++)
+                    state->near_entries[written++] = near->entries[k];
             }
         }
     }
-    words[2 * (size_t)b->cell_count] = written;
+    return written;
 }
 
-static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands)
+/* Cells, then entries, from a word of the array on. Returns where the next ones begin. */
+static uint32_t write_cells(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroBlockerCells *cells,
+                            const uint32_t *words, const uint32_t *entries, uint32_t entry_count, uint32_t at,
+                            ChiaroGpuGrid *grid)
+{
+    const uint64_t word = sizeof(uint32_t), begin = 2 * sizeof *grid + at * word;
+    DeviceBuffer buffer = context->objects.grid;
+    memcpy(grid->low, cells->low, sizeof cells->low);
+    memcpy(grid->count, cells->count, sizeof cells->count);
+    grid->low[3] = 1 / cells->size;
+    grid->range[0] = cells->size;
+    grid->first[0] = at;
+    grid->first[1] = at + cells->cell_count;
+    chiaro_record_write(context, commands, buffer, begin, words, cells->cell_count * word);
+    chiaro_record_write(context, commands, buffer, begin + cells->cell_count * word, entries, entry_count * word);
+    return grid->first[1] + entry_count;
+}
+
+/* `sliced`: as far as the frame had time for them. */
+static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands, bool sliced)
 {
     ObjectsState *state = &context->objects;
     ChiaroWorldBlockers b;
-    chiaro_world_blockers(state->world, &b);
+    ChiaroGpuGrid grids[2] = {{.low = {0}}};
+    if (sliced && !chiaro_world_blockers_ready(state->world))
+        return;
+    if (sliced)
+        chiaro_world_blockers_shown(state->world, &b);
+    else
+        chiaro_world_blockers(state->world, &b);
     if (state->grid_written && b.revision == state->revision) {
         state->blockers_due = false;
         return;
@@ -535,22 +581,19 @@ static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands)
     state->revision = b.revision;
     state->grid_written = true;
     state->blockers_due = false;
-    ChiaroGpuGrid grid = {.low = {b.low[0], b.low[1], b.low[2], b.size > 0 ? 1 / b.size : 0}};
-    memset(state->grid_low, 0, sizeof state->grid_low);
-    memset(state->grid_high, 0, sizeof state->grid_high);
-    if (b.cell_count > 0) {
-        for (int axis = 0; axis < 3; axis++) {
-            state->grid_low[axis] = b.low[axis];
-            state->grid_high[axis] = b.low[axis] + b.size * (float)b.count[axis];
-        }
-        memcpy(grid.count, b.count, sizeof b.count);
-        grid.count[3] = 2 * b.cell_count + 1;
-        sort_cells(&b, state->cells);
-        chiaro_record_write(context, commands, state->blockers, 0, b.blockers, b.blocker_count * sizeof *b.blockers);
-        chiaro_record_write(context, commands, state->grid, sizeof grid, state->cells,
-                            (grid.count[3] + b.entry_count) * sizeof(uint32_t));
+    /* The far grid reaches further than the near one. */
+    for (int axis = 0; axis < 3; axis++) {
+        bool any = b.far.cell_count > 0;
+        state->grid_low[axis] = any ? b.far.low[axis] : 0;
+        state->grid_high[axis] = any ? b.far.low[axis] + b.far.size * (float)b.far.count[axis] : 0;
     }
-    chiaro_record_write(context, commands, state->grid, 0, &grid, sizeof grid);
+    if (b.far.cell_count > 0) {
+        uint32_t words = pack_near(state, &b, &grids[0], state->near_cells);
+        uint32_t next = write_cells(context, commands, &b.near, state->near_cells, state->near_entries, words, 0, &grids[0]);
+        write_cells(context, commands, &b.far, b.far.cells, b.far.entries, b.far.entry_count, next, &grids[1]);
+        chiaro_record_write(context, commands, state->blockers, 0, b.blockers, b.blocker_count * sizeof *b.blockers);
+    }
+    chiaro_record_write(context, commands, state->grid, 0, grids, sizeof grids);
 }
 
 bool chiaro_objects_near(const ChiaroVulkan *context, const DrawPart *part)
@@ -618,7 +661,7 @@ void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info
             take_cube(context, commands, state->painted[i]);
         fade_cubes(context, commands);
         chiaro_vulkan_lap(context, LAP_CUBES);
-        write_blockers(context, commands);
+        write_blockers(context, commands, info->budget.microseconds || info->budget.units);
         chiaro_vulkan_lap(context, LAP_BLOCKERS);
     }
     chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT,

@@ -230,7 +230,8 @@ static VkPipeline create_graphics(ChiaroVulkan *context, Arena *arena, const Gra
     VkPipelineShaderStageCreateInfo stages[2] = {{.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
                                                   .stage = VK_SHADER_STAGE_VERTEX_BIT,
                                                   .module = vertex,
-                                                  .pName = "main"},
+                                                  .pName = "main",
+                                                  .pSpecializationInfo = desc->constants},
                                                  {.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
                                                   .stage = VK_SHADER_STAGE_FRAGMENT_BIT,
                                                   .module = fragment,
@@ -298,13 +299,14 @@ static VkPipeline create_graphics(ChiaroVulkan *context, Arena *arena, const Gra
 /* The constants that forward and sky fragment shaders are specialised by. */
 typedef struct ForwardConstants {
     uint32_t component;
-    VkBool32 tone_map, masked, sky_sun;
+    VkBool32 tone_map, masked, sky_sun, pieces;
 } ForwardConstants;
 
-static const VkSpecializationMapEntry forward_entries[4] = {{0, offsetof(ForwardConstants, component), 4},
+static const VkSpecializationMapEntry forward_entries[5] = {{0, offsetof(ForwardConstants, component), 4},
                                                             {1, offsetof(ForwardConstants, tone_map), 4},
                                                             {2, offsetof(ForwardConstants, masked), 4},
-                                                            {3, offsetof(ForwardConstants, sky_sun), 4}};
+                                                            {3, offsetof(ForwardConstants, sky_sun), 4},
+                                                            {4, offsetof(ForwardConstants, pieces), 4}};
 
 /* Vertices of what stays: with the receiver of each. Of objects: with what their bake says. */
 enum { VERTEX_ATTRIBUTES = 5, STILL_ATTRIBUTES = 1, OBJECT_ATTRIBUTES = 4 };
@@ -342,8 +344,9 @@ static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lig
                                                   .vertexAttributeDescriptionCount = VERTEX_ATTRIBUTES + (gi ? more : 0),
                                                   .pVertexAttributeDescriptions = attributes};
     ForwardConstants constants = {context->settings.component, context->settings.tone_map,
-                                  (surface & SURFACE_MASKED) != 0, (lighting & FORWARD_SUN) != 0};
-    VkSpecializationInfo specialization = {4, forward_entries, sizeof constants, &constants};
+                                  (surface & SURFACE_MASKED) != 0, (lighting & FORWARD_SUN) != 0,
+                                  (lighting & FORWARD_PIECES) != 0};
+    VkSpecializationInfo specialization = {5, forward_entries, sizeof constants, &constants};
     Pipeline made = {create_layout(context, arena, 4, sets, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT,
                                    sizeof(ChiaroForwardPush)),
                      VK_NULL_HANDLE};
@@ -351,7 +354,9 @@ static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lig
         SHADER_forward_frag,          SHADER_forward_lit_frag,          SHADER_forward_textured_frag,
         SHADER_forward_lit_textured_frag, SHADER_forward_blocked_frag,  SHADER_forward_blocked_lit_frag,
         SHADER_forward_blocked_textured_frag, SHADER_forward_blocked_lit_textured_frag};
-    uint32_t still_vertex = gi ? SHADER_forward_gi_vert : SHADER_forward_vert;
+    uint32_t still_vertex = blocked ? SHADER_forward_blocked_vert
+                            : gi    ? SHADER_forward_gi_vert
+                                    : SHADER_forward_vert;
     uint32_t object_vertex = gi ? SHADER_object_gi_vert : SHADER_object_vert;
     GraphicsDesc desc = {.vertex = object ? object_vertex : still_vertex,
                          .fragment = fragments[4 * blocked + 2 * textured + lit],
@@ -402,8 +407,8 @@ static Pipeline create_shadow(ChiaroVulkan *context, Arena *arena, uint32_t kind
 static Pipeline create_background(ChiaroVulkan *context, Arena *arena)
 {
     VkPipelineVertexInputStateCreateInfo input = {.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO};
-    ForwardConstants constants = {0, context->settings.tone_map, VK_FALSE, VK_FALSE};
-    VkSpecializationInfo specialization = {4, forward_entries, sizeof constants, &constants};
+    ForwardConstants constants = {0, context->settings.tone_map, VK_FALSE, VK_FALSE, VK_FALSE};
+    VkSpecializationInfo specialization = {5, forward_entries, sizeof constants, &constants};
     Pipeline made = {create_layout(context, arena, 1, &context->layouts.sky,
                                    VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, sizeof(ChiaroSkyPush)),
                      VK_NULL_HANDLE};
@@ -492,7 +497,7 @@ ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
     bool lit = chiaro_vulkan_lights(context) > 0, gi = chiaro_vulkan_gi(context);
     uint32_t lighting = chiaro_forward_lighting(context), object_lighting = chiaro_object_lighting(context);
     uint32_t shadows = context->scene.shadows | context->objects.meshes.shadows;
-    uint32_t apart = lighting & ~(uint32_t)FORWARD_BLOCKED; /* parts of the scene that no object is near */
+    uint32_t apart = lighting & ~(uint32_t)FORWARD_OBJECTS; /* parts of the scene that no object is near */
     uint32_t direct = context->settings.direct_too ? chiaro_direct_lighting(context) : lighting;
     uint32_t direct_objects = context->settings.direct_too ? direct : object_lighting;
     for (uint32_t kind = 0; kind < SURFACE_KINDS && !context->desc.light_only; kind++) {

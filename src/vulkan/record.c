@@ -350,7 +350,7 @@ static void draw_parts(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t
     context->vk.CmdBindIndexBuffer(commands, scene->indices.buffer, 0, VK_INDEX_TYPE_UINT32);
     for (uint32_t i = 0; i < scene->part_count; i++) {
         const DrawPart *part = &scene->parts[i];
-        uint32_t own = chiaro_objects_near(context, part) ? lighting : lighting & ~(uint32_t)FORWARD_BLOCKED;
+        uint32_t own = chiaro_objects_near(context, part) ? lighting : lighting & ~(uint32_t)FORWARD_OBJECTS;
         const Pipeline *pipeline = &context->forward[own][part->surface];
         if (!pipeline->pipeline)
             continue;

@@ -1,0 +1,36 @@
+/* Four numbers at a time, in the compilers' own vectors: the same bits on every processor. */
+#ifndef CHIARO_LANES_H
+#define CHIARO_LANES_H
+
+#include <stdbool.h>
+#include <stdint.h>
+#include <string.h>
+
+enum { LANES = 4 };
+typedef float Lanes __attribute__((vector_size(LANES * sizeof(float))));
+typedef int32_t LaneMask __attribute__((vector_size(LANES * sizeof(float))));
+
+static inline Lanes lanes_load(const float *from)
+{
+    Lanes lanes;
+    memcpy(&lanes, from, sizeof lanes);
+    return lanes;
+}
+
+static inline Lanes lanes_of(float x) { return (Lanes){x, x, x, x}; }
+static inline Lanes lanes_choose(LaneMask mask, Lanes a, Lanes b)
+{
+    return (Lanes)(((LaneMask)a & mask) | ((LaneMask)b & ~mask));
+}
+static inline Lanes lanes_min(Lanes a, Lanes b) { return lanes_choose(a < b, a, b); }
+static inline Lanes lanes_max(Lanes a, Lanes b) { return lanes_choose(a > b, a, b); }
+static inline float lanes_sum(Lanes a) { return (a[0] + a[1]) + (a[2] + a[3]); }
+
+static inline bool lanes_any(LaneMask mask)
+{
+    uint64_t words[2];
+    memcpy(words, &mask, sizeof words);
+    return words[0] | words[1];
+}
+
+#endif

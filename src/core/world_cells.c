@@ -1,0 +1,446 @@
+/* Where objects act on static surfaces: two grids tell which blockers matter where, one for what is near and changes from
+ * pixel to pixel, one for what is far. A shader does by pixel and by vertex what chiaro_blockers_at() does here.
+ */
+#include "world.h"
+
+#include <string.h>
+
+/* Edge of a cell, in mean reaches of the blockers, where there are cells enough. */
+static const float NEAR_CELL = 0.125f, FAR_CELL = 0.25f;
+/* In radii. */
+static const float SPARE = 0.01f;
+/* Worlds of few objects need few cells. */
+enum { LEAST_CELLS = 1024, CELLS_AN_OBJECT = 128 };
+
+uint32_t chiaro_world_cells(uint32_t object_capacity)
+{
+    uint64_t cells = LEAST_CELLS + (uint64_t)CELLS_AN_OBJECT * object_capacity;
+    return cells < CHIARO_MAX_WORLD_CELLS ? (uint32_t)cells : CHIARO_MAX_WORLD_CELLS;
+}
+
+float chiaro_blocker_window(float distance, float reach)
+{
+    float ratio = distance / reach;
+    ratio *= ratio;
+    return fmaxf(0, 1 - ratio * ratio);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * A grid
+ */
+
+/* Cells such that all reaches fit in, as fine as their number allows. */
+static void lay_cells(ChiaroBlockerCells *cells, const ChiaroWorldBlockers *all, uint32_t most, float reach, float edge)
+{
+    float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY}, mean = 0;
+    for (uint32_t b = 0; b < all->blocker_count; b++) {
+        const ChiaroWorldBlocker *blocker = &all->blockers[b];
+        for (uint32_t c = 0; c < 3; c++) {
+            low[c] = fminf(low[c], blocker->center[c] - reach * blocker->radius);
+            high[c] = fmaxf(high[c], blocker->center[c] + reach * blocker->radius);
+        }
+        mean += reach * blocker->radius / (float)all->blocker_count;
+    }
+    cells->cell_count = cells->entry_count = 0;
+    if (!all->blocker_count || !(mean > 0))
+        return;
+    memcpy(cells->low, low, sizeof low);
+    for (cells->size = edge * mean;; cells->size *= 1.05f) {
+        double count = 1;
+        for (uint32_t c = 0; c < 3; c++)
+            count *= ceil(fmax(1, (double)(high[c] - low[c]) / (double)cells->size));
+        if (count <= most)
+            break;
+    }
+    cells->cell_count = 1;
+    for (uint32_t c = 0; c < 3; c++) {
+        cells->count[c] = (uint32_t)fmaxf(1, ceilf((high[c] - low[c]) / cells->size));
+        cells->cell_count *= cells->count[c];
+    }
+}
+
+/* A grid while it is filled. */
+typedef struct Filling {
+    CellGrid *grid;
+    ChiaroBlockerCells *cells;
+    const ChiaroWorldBlocker *blockers;
+    float reach; /* in radii */
+} Filling;
+
+static bool is_plate(const ChiaroWorldBlocker *blocker)
+{
+    const float *edge = blocker->across;
+    return edge[0] != 0 || edge[1] != 0 || edge[2] != 0;
+}
+
+static Vec3 cell_corner(const ChiaroBlockerCells *cells, const uint32_t cell[3])
+{
+    return vec3(cells->low[0] + cells->size * (float)cell[0], cells->low[1] + cells->size * (float)cell[1],
+                cells->low[2] + cells->size * (float)cell[2]);
+}
+
+/* How much a blocker can matter in a cell: the solid angle from its nearest point, relative. 0: out of reach, or the
+ * back of a plate. */
+static float cell_weight(const Filling *filling, const ChiaroWorldBlocker *blocker, Vec3 corner)
+{
+    float size = filling->cells->size, reach = filling->reach * blocker->radius;
+    Vec3 way = vec3_sub(vec3_load(blocker->center), corner);
+    Vec3 past = vec3(way.x - chiaro_clamp(way.x, 0, size), way.y - chiaro_clamp(way.y, 0, size), way.z - chiaro_clamp(way.z, 0, size));
+    float square = vec3_dot(past, past);
+    if (!(square < reach * reach))
+        return 0;
+    if (is_plate(blocker)) {
+        /* With a little to spare for receivers that touch it. */
+        Vec3 normal = vec3_cross(vec3_load(blocker->across), vec3_load(blocker->along));
+        float most = size * (fmaxf(0, normal.x) + fmaxf(0, normal.y) + fmaxf(0, normal.z));
+        if (vec3_dot(normal, way) > most + SPARE * blocker->radius * vec3_length(normal))
+            return 0;
+    }
+    return blocker->radius * blocker->radius / fmaxf(square, blocker->radius * blocker->radius);
+}
+
+/* Gives up the object that matters least, as long as it matters less than `weight`. */
+static bool make_room(const Filling *filling, uint32_t *entries, uint32_t *word, Vec3 corner, float weight)
+{
+    uint32_t balls = CHIARO_CELL_BALLS(*word), count = balls + CHIARO_CELL_OTHERS(*word), least = 0, least_count = 0;
+    float least_sum = weight;
+    for (uint32_t i = 0, n; i < count; i += n) {
+        float sum = 0;
+        uint32_t object = filling->blockers[entries[i]].object;
+        for (n = 0; i + n < count && filling->blockers[entries[i + n]].object == object; n++)
+            sum += cell_weight(filling, &filling->blockers[entries[i + n]], corner);
+        if (sum < least_sum)
+            least = i, least_count = n, least_sum = sum;
+    }
+    memmove(entries + least, entries + least + least_count, (count - least - least_count) * sizeof *entries);
+    *word -= least < balls ? least_count << 20 : least_count << 26;
+    return least_count > 0;
+}
+
+/* Enters the blockers of an object: first .. end. */
+static void enter(const Filling *filling, const uint32_t cell[3], uint32_t first, uint32_t end, bool ball)
+{
+    const ChiaroBlockerCells *cells = filling->cells;
+    uint32_t number = cell[0] + cells->count[0] * (cell[1] + cells->count[1] * cell[2]), count = 0;
+    uint32_t *entries = filling->grid->entries + (size_t)number * CHIARO_MAX_CELL_BLOCKERS;
+    uint32_t *word = &filling->grid->cells[number], numbers[CHIARO_MAX_OBJECT_BLOCKERS];
+    Vec3 corner = cell_corner(cells, cell);
+    float sum = 0;
+    for (uint32_t b = first; b < end; b++) {
+        float weight = cell_weight(filling, &filling->blockers[b], corner);
+        numbers[count] = b;
+        count += weight > 0;
+        sum += weight;
+    }
+    uint32_t filled = CHIARO_CELL_BALLS(*word) + CHIARO_CELL_OTHERS(*word);
+    while (filled + count > CHIARO_MAX_CELL_BLOCKERS) {
+        if (!make_room(filling, entries, word, corner, sum))
+            return;
+        filled = CHIARO_CELL_BALLS(*word) + CHIARO_CELL_OTHERS(*word);
+    }
+    memcpy(entries + filled, numbers, count * sizeof *numbers);
+    *word += ball ? count << 20 : count << 26;
+}
+
+static void enter_object(const Filling *filling, uint32_t first, uint32_t end, bool ball)
+{
+    const ChiaroBlockerCells *cells = filling->cells;
+    uint32_t low[3] = {UINT32_MAX, UINT32_MAX, UINT32_MAX}, high[3] = {0}, cell[3];
+    for (uint32_t b = first; b < end; b++) {
+        const ChiaroWorldBlocker *blocker = &filling->blockers[b];
+        for (uint32_t c = 0; c < 3; c++) {
+            float place = blocker->center[c] - cells->low[c], reach = filling->reach * blocker->radius;
+            float last = (float)cells->count[c] - 1;
+            uint32_t from = (uint32_t)chiaro_clamp((place - reach) / cells->size, 0, last);
+            uint32_t to = (uint32_t)chiaro_clamp((place + reach) / cells->size, 0, last);
+            low[c] = from < low[c] ? from : low[c], high[c] = to > high[c] ? to : high[c];
+        }
+    }
+    for (cell[2] = low[2]; cell[2] <= high[2]; cell[2]++) {
+        for (cell[1] = low[1]; cell[1] <= high[1]; cell[1]++) {
+            for (cell[0] = low[0]; cell[0] <= high[0]; cell[0]++)
+                enter(filling, cell, first, end, ball);
+        }
+    }
+}
+
+/* Cells had room for as many entries as may be. Goes on at a cell, for so many. */
+static void pack(const Filling *filling, uint32_t *cell, uint32_t count)
+{
+    uint32_t next = *cell ? filling->cells->entry_count : 0;
+    for (; *cell < filling->cells->cell_count && count > 0; ++*cell, count--) {
+        uint32_t *word = &filling->grid->cells[*cell], held = CHIARO_CELL_BALLS(*word) + CHIARO_CELL_OTHERS(*word);
+        uint32_t *entries = filling->grid->entries;
+        if (held)
+            memmove(entries + next, entries + (size_t)*cell * CHIARO_MAX_CELL_BLOCKERS, held * sizeof *entries);
+        *word |= next;
+        next += held;
+    }
+    filling->cells->entry_count = next;
+}
+
+/* How a grid is built: all blockers; then either kind of cells, plain balls first. */
+enum { BUILD_BLOCKERS, BUILD_NEAR, BUILD_NEAR_OTHERS, BUILD_NEAR_PACK, BUILD_FAR, BUILD_FAR_OTHERS, BUILD_FAR_PACK,
+       BUILD_DONE };
+
+/* Cells are packed so much faster than objects are entered. */
+enum { CELLS_AN_ENTRY = 64 };
+
+static Filling filling_of(BlockerGrid *grid)
+{
+    bool near = grid->stage < BUILD_FAR;
+    return (Filling){near ? &grid->near : &grid->far, near ? &grid->view.near : &grid->view.far, grid->blockers,
+                     near ? CHIARO_BLOCKER_NEAR : CHIARO_BLOCKER_REACH};
+}
+
+/* Of bodies that are there, or that the round sees. */
+static void make_blockers(ChiaroWorld *world, BlockerGrid *grid, bool newest, uint32_t count)
+{
+    for (; grid->cursor < world->body_end && count > 0; grid->cursor++, count--) {
+        const Body *body = &world->bodies[grid->cursor];
+        if (newest ? !body->used : !body->present)
+            continue;
+        const float *axes = newest && body->painted ? world->next.axes : world->last.axes;
+        grid->view.blocker_count +=
+            chiaro_blockers_make(newest ? &body->now : &body->pose, &body->object, axes + 36 * (size_t)body->first_element,
+                                 grid->cursor, grid->blockers + grid->view.blocker_count);
+    }
+}
+
+static void begin_cells(const ChiaroWorld *world, BlockerGrid *grid)
+{
+    Filling filling = filling_of(grid);
+    lay_cells(filling.cells, &grid->view, chiaro_world_cells(world->desc.object_capacity), filling.reach,
+              grid->stage == BUILD_NEAR ? NEAR_CELL : FAR_CELL);
+    filling.cells->cells = filling.grid->cells, filling.cells->entries = filling.grid->entries;
+    memset(filling.grid->cells, 0, filling.cells->cell_count * sizeof *filling.grid->cells);
+}
+
+static void enter_blockers(const ChiaroWorld *world, BlockerGrid *grid, bool others, uint32_t count)
+{
+    const ChiaroWorldBlocker *blockers = grid->blockers;
+    Filling filling = filling_of(grid);
+    for (uint32_t end; grid->cursor < grid->view.blocker_count && count > 0; grid->cursor = end, count--) {
+        uint32_t object = blockers[grid->cursor].object;
+        for (end = grid->cursor + 1; end < grid->view.blocker_count && blockers[end].object == object;)
+            end++;
+        bool ball = end == grid->cursor + 1 && world->bodies[object].ball;
+        if (ball == !others && filling.cells->cell_count)
+            enter_object(&filling, grid->cursor, end, ball);
+    }
+}
+
+/* What a stage counts. */
+static uint32_t stage_end(const ChiaroWorld *world, BlockerGrid *grid)
+{
+    switch (grid->stage) {
+    case BUILD_BLOCKERS: return world->body_end;
+    case BUILD_NEAR_PACK:
+    case BUILD_FAR_PACK: return filling_of(grid).cells->cell_count;
+    default: return grid->view.blocker_count;
+    }
+}
+
+void chiaro_blockers_begin(BlockerGrid *grid)
+{
+    grid->stage = BUILD_BLOCKERS, grid->cursor = 0;
+    grid->view.blockers = grid->blockers, grid->view.blocker_count = 0;
+}
+
+bool chiaro_blockers_step(ChiaroWorld *world, BlockerGrid *grid, bool newest, uint32_t count)
+{
+    const Filling filling = filling_of(grid);
+    if (grid->stage == BUILD_BLOCKERS)
+        make_blockers(world, grid, newest, count);
+    else if (grid->stage == BUILD_NEAR_PACK || grid->stage == BUILD_FAR_PACK)
+        pack(&filling, &grid->cursor, count < UINT32_MAX / CELLS_AN_ENTRY ? CELLS_AN_ENTRY * count : count);
+    else
+        enter_blockers(world, grid, grid->stage == BUILD_NEAR_OTHERS || grid->stage == BUILD_FAR_OTHERS, count);
+    if (grid->cursor < stage_end(world, grid))
+        return false;
+    grid->stage++, grid->cursor = 0;
+    if (grid->stage == BUILD_NEAR || grid->stage == BUILD_FAR)
+        begin_cells(world, grid);
+    return grid->stage == BUILD_DONE;
+}
+
+void chiaro_blockers_build(ChiaroWorld *world, BlockerGrid *grid, bool newest)
+{
+    chiaro_blockers_begin(grid);
+    while (!chiaro_blockers_step(world, grid, newest, UINT32_MAX)) {
+    }
+    grid->view.revision++;
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * A receiver
+ */
+
+/* What it shines with toward the receiver, which lies at `way` from it. */
+static Vec3 blocker_shine(const ChiaroWorldBlocker *blocker, Vec3 way)
+{
+    float w[3];
+    Vec3 sum = {0, 0, 0};
+    if (is_plate(blocker))
+        return vec3_load(blocker->radiance[0]);
+    vec3_store(w, vec3_normalize(way));
+    for (uint32_t c = 0; c < 3; c++)
+        sum = vec3_mad(sum, vec3_load(blocker->radiance[2 * c + (w[c] < 0)]), w[c] * w[c]);
+    return sum;
+}
+
+static float blocker_form(const ChiaroWorldBlocker *blocker, const float point[3], const float normal[3])
+{
+    if (is_plate(blocker))
+        return chiaro_rectangle_form(point, normal, blocker->center, blocker->across, blocker->along);
+    return chiaro_sphere_form(point, normal, blocker->center, blocker->radius);
+}
+
+/* All of an object: what it leaves open, and what it gives back. Close to where it touches, a receiver sees only that
+ * part of it which the gap between the two lights, unless it shines itself: for a ball on a plane, the light there
+ * falls as the root of what is open (measured). */
+static float take_object(float form, Vec3 given, Vec3 emitted, Vec3 *bounce)
+{
+    float open = 1 - fminf(1, form), gap = fminf(1, CHIARO_BLOCKER_GAP * sqrtf(open));
+    *bounce = vec3_mad(*bounce, vec3_add(vec3_scale(given, gap), vec3_scale(emitted, 1 - gap)), CHIARO_PI);
+    return open;
+}
+
+/* A cell's word, or nothing. */
+static uint32_t find_cell(const ChiaroBlockerCells *cells, const float point[3])
+{
+    uint32_t cell[3];
+    for (uint32_t c = 0; c < 3; c++) {
+        float place = cells->cell_count ? (point[c] - cells->low[c]) / cells->size : -1;
+        if (!(place >= 0 && place < (float)cells->count[c]))
+            return 0;
+        cell[c] = (uint32_t)place;
+    }
+    return cells->cells[cell[0] + cells->count[0] * (cell[1] + cells->count[1] * cell[2])];
+}
+
+/* The near shares, with the shine of `blocked`; or the far ones, which make `blocked`. */
+static float sum_cell(const BlockerGrid *grid, const float point[3], const float normal[3], bool far,
+                      ChiaroBlockedFar *blocked, Vec3 *bounce)
+{
+    const ChiaroBlockerCells *cells = far ? &grid->view.far : &grid->view.near;
+    uint32_t word = find_cell(cells, point), balls = CHIARO_CELL_BALLS(word), last = CHIARO_NONE;
+    const uint32_t *entries = cells->entries + CHIARO_CELL_FIRST(word);
+    float open = 1, sum = 0, *shine = blocked->shine;
+    Vec3 none = {0, 0, 0}, own = none, emitted = none;
+    *bounce = none;
+    for (uint32_t k = 0; k < balls + CHIARO_CELL_OTHERS(word); k++) {
+        const ChiaroWorldBlocker *blocker = &grid->blockers[entries[k]];
+        Vec3 way = vec3_sub(vec3_load(point), vec3_load(blocker->center));
+        float distance = vec3_length(way), form = blocker_form(blocker, point, normal);
+        float share = chiaro_blocker_window(distance, CHIARO_BLOCKER_NEAR * blocker->radius);
+        float all = chiaro_blocker_window(distance, CHIARO_BLOCKER_REACH * blocker->radius);
+        share = far ? all - share : share;
+        if (blocker->object != last) {
+            open *= take_object(sum, own, emitted, bounce);
+            sum = 0, own = emitted = none, last = blocker->object;
+        }
+        Vec3 radiance = none;
+        if (k >= balls || far)
+            radiance = blocker_shine(blocker, way);
+        else if (shine[3] > 0)
+            radiance = vec3_scale(vec3_load(shine), 1 / shine[3]);
+        if (far && k < balls) {
+            vec3_store(shine, vec3_mad(vec3_load(shine), radiance, all * form));
+            shine[3] += all * form;
+        }
+        sum += share * form;
+        own = vec3_mad(own, radiance, share * form);
+        emitted = vec3_mad(emitted, vec3_load(blocker->emission), share * form);
+    }
+    return open * take_object(sum, own, emitted, bounce);
+}
+
+static void blocked_far(const BlockerGrid *grid, const float point[3], const float normal[3], ChiaroBlockedFar *far)
+{
+    Vec3 bounce;
+    *far = (ChiaroBlockedFar){0};
+    far->open = sum_cell(grid, point, normal, true, far, &bounce);
+    vec3_store(far->bounce, bounce);
+}
+
+static float blocked_near(const BlockerGrid *grid, const float point[3], const float normal[3],
+                          const ChiaroBlockedFar *far, Vec3 *bounce)
+{
+    ChiaroBlockedFar blocked = *far;
+    float open = sum_cell(grid, point, normal, false, &blocked, bounce);
+    *bounce = vec3_mad(*bounce, vec3_load(far->bounce), open);
+    return open * far->open;
+}
+
+float chiaro_blockers_at(const BlockerGrid *grid, Vec3 point, Vec3 normal, Vec3 *bounce)
+{
+    float p[3], n[3];
+    ChiaroBlockedFar far;
+    vec3_store(p, point);
+    vec3_store(n, normal);
+    blocked_far(grid, p, n, &far);
+    return blocked_near(grid, p, n, &far, bounce);
+}
+
+bool chiaro_blockers_show(ChiaroWorld *world, uint32_t count)
+{
+    if (!world->shown_building) {
+        chiaro_blockers_begin(&world->shown);
+        world->shown_building = true;
+        world->shown_stale = false;
+    }
+    if (!chiaro_blockers_step(world, &world->shown, true, count))
+        return false;
+    world->shown.view.revision++;
+    world->shown_building = false;
+    return true;
+}
+
+/* What a frame had no time for is done at once. */
+static const BlockerGrid *newest(ChiaroWorld *world)
+{
+    while (world->shown_building || world->shown_stale)
+        chiaro_blockers_show(world, UINT32_MAX);
+    return &world->shown;
+}
+
+void chiaro_world_blockers(ChiaroWorld *world, ChiaroWorldBlockers *blockers)
+{
+    world->shown_wanted = true;
+    *blockers = newest(world)->view;
+}
+
+bool chiaro_world_blockers_ready(const ChiaroWorld *world)
+{
+    return !world->shown_wanted || (!world->shown_building && world->shown.view.revision > 0);
+}
+
+void chiaro_world_blockers_shown(ChiaroWorld *world, ChiaroWorldBlockers *blockers)
+{
+    if (!chiaro_world_blockers_ready(world) || world->shown.view.revision == 0)
+        chiaro_world_blockers(world, blockers);
+    world->shown_wanted = true;
+    *blockers = world->shown.view;
+}
+
+void chiaro_world_blocked_far(ChiaroWorld *world, const float point[3], const float normal[3], ChiaroBlockedFar *far)
+{
+    blocked_far(newest(world), point, normal, far);
+}
+
+float chiaro_world_blocked_near(ChiaroWorld *world, const float point[3], const float normal[3],
+                                const ChiaroBlockedFar *far, float bounce[3])
+{
+    Vec3 sum;
+    float open = blocked_near(newest(world), point, normal, far, &sum);
+    vec3_store(bounce, sum);
+    return open;
+}
+
+float chiaro_world_blocked(ChiaroWorld *world, const float point[3], const float normal[3], float bounce[3])
+{
+    ChiaroBlockedFar far;
+    chiaro_world_blocked_far(world, point, normal, &far);
+    return chiaro_world_blocked_near(world, point, normal, &far, bounce);
+}
