@@ -97,7 +97,8 @@ static bool create_instance(Host *host, const HostDesc *desc)
         return host->instance != VK_NULL_HANDLE;
     PFN_vkCreateDebugUtilsMessengerEXT create =
         (PFN_vkCreateDebugUtilsMessengerEXT)vkGetInstanceProcAddr(host->instance, "vkCreateDebugUtilsMessengerEXT");
-    return create && host_check(host, create(host->instance, &messenger, NULL, &host->messenger), "the debug messenger");
+    return create &&
+           host_check(host, create(host->instance, &messenger, NULL, &host->messenger), "the debug messenger");
 }
 
 /* ---- device ------------------------------------------------------------------------------------------------------- */
@@ -254,7 +255,8 @@ static bool create_commands(Host *host, uint32_t timestamp_bits)
     VkQueryPoolCreateInfo queries = {.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO,
                                      .queryType = VK_QUERY_TYPE_TIMESTAMP,
                                      .queryCount = HOST_TIMESTAMPS};
-    return host_check(host, vkAllocateCommandBuffers(host->device, &commands, &host->commands), "vkAllocateCommandBuffers") &&
+    return host_check(host, vkAllocateCommandBuffers(host->device, &commands, &host->commands),
+                      "vkAllocateCommandBuffers") &&
            host_check(host, vkCreateFence(host->device, &fence, NULL, &host->fence), "vkCreateFence") &&
            (timestamp_bits == 0 ||
             host_check(host, vkCreateQueryPool(host->device, &queries, NULL, &host->timestamps), "vkCreateQueryPool"));
@@ -347,8 +349,10 @@ bool host_buffer_create(Host *host, VkDeviceSize size, HostBuffer *buffer)
     vkGetBufferMemoryRequirements(host->device, buffer->buffer, &need);
     return allocate(host, need, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT,
                     &buffer->memory) &&
-           host_check(host, vkBindBufferMemory(host->device, buffer->buffer, buffer->memory, 0), "vkBindBufferMemory") &&
-           host_check(host, vkMapMemory(host->device, buffer->memory, 0, VK_WHOLE_SIZE, 0, &buffer->mapped), "vkMapMemory");
+           host_check(host, vkBindBufferMemory(host->device, buffer->buffer, buffer->memory, 0),
+                      "vkBindBufferMemory") &&
+           host_check(host, vkMapMemory(host->device, buffer->memory, 0, VK_WHOLE_SIZE, 0, &buffer->mapped),
+                      "vkMapMemory");
 }
 
 void host_buffer_destroy(Host *host, HostBuffer *buffer)

@@ -1,5 +1,5 @@
-/* The host of the programs and tests: a device, a command buffer, an offscreen target, read-back; a surface, if there is a
- * window. What an engine already has, and Chiaro therefore does not bring.
+/* The host of the programs and tests: a device, a command buffer, an offscreen target, read-back; a surface, if there is
+ * a window. What an engine already has, and Chiaro therefore does not bring.
  */
 #ifndef CHIARO_DEVICE_H
 #define CHIARO_DEVICE_H

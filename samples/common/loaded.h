@@ -1,4 +1,4 @@
-/* A scene as programs that draw it need it: baked, with its camera, lights, sky and objects, and handed to the renderer. */
+/* A scene as programs that draw it need it: baked, with camera, lights, sky and objects, and handed to the renderer. */
 #ifndef CHIARO_LOADED_H
 #define CHIARO_LOADED_H
 

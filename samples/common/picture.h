@@ -1,5 +1,5 @@
-/* Pictures on the CPU: how they are written; and the drawn mesh with any irradiance at its receivers, for baselines and to
- * check the GPU's. */
+/* Pictures on the CPU: how they are written; and the drawn mesh with any irradiance at its receivers, for baselines and
+ * to check the GPU's. */
 #ifndef CHIARO_PICTURE_H
 #define CHIARO_PICTURE_H
 

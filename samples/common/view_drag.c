@@ -33,8 +33,8 @@ static uint32_t pick_lamp(const ViewCamera *camera, const ViewMouse *mouse, cons
     return nearest;
 }
 
-ViewDrag view_drag_begin(const ViewCamera *camera, const ViewMouse *mouse, const ChiaroLight *lights, uint32_t light_count,
-                         const Moving *moving)
+ViewDrag view_drag_begin(const ViewCamera *camera, const ViewMouse *mouse, const ChiaroLight *lights,
+                         uint32_t light_count, const Moving *moving)
 {
     ViewDrag drag = {.grip = GRIP_CAMERA};
     float distance;

@@ -21,9 +21,9 @@ typedef struct ViewMouse {
     float reach; /* how far from a lamp, as a share of half the picture's height, the mouse still takes it */
 } ViewMouse;
 
-/* Takes what lies under the mouse: a lamp (a point or spot) in front of an object, and the camera where there is neither. */
-ViewDrag view_drag_begin(const ViewCamera *camera, const ViewMouse *mouse, const ChiaroLight *lights, uint32_t light_count,
-                         const Moving *moving);
+/* Takes what lies under the mouse: a lamp (a point or spot) before an object, the camera where there is neither. */
+ViewDrag view_drag_begin(const ViewCamera *camera, const ViewMouse *mouse, const ChiaroLight *lights,
+                         uint32_t light_count, const Moving *moving);
 /* Where the lamp or object is now: it stays at its depth. */
 Vec3 view_drag_to(ViewDrag *drag, const ViewCamera *camera, const ViewMouse *mouse);
 /* The same, further away by steps. */

@@ -12,8 +12,8 @@
 #include <unistd.h>
 
 enum { TICK_BEGIN, TICK_UPDATED, TICK_DRAWN, TICK_SHOWN };
-/* Nothing changes any more when so many frames in a row brought nothing: light goes to objects and back with some delay.
- * Then some more are drawn, for what lies over the picture. */
+/* Nothing changes any more when so many frames in a row brought nothing: light goes to objects and back with some
+ * delay. Then some more are drawn, for what lies over the picture. */
 enum { CALM_FRAMES = 12, AWAKE_FRAMES = CALM_FRAMES + 4 };
 enum { FEATURES = 32, DEFAULT_BUDGET = 2000, UNLIMITED = 1000000, LAST_SHOT = 9999 };
 
@@ -226,7 +226,8 @@ static void write_numbers(const Viewer *viewer, Lines *lines)
     add_part(lines, "update", times->update);
     add_part(lines, "picture", times->draw);
     add_part(lines, "window", times->window);
-    add_line(lines, "\nlights %u  shadow passes %u  dispatches %u\n", stats.lights, stats.shadow_passes, stats.dispatches);
+    add_line(lines, "\nlights %u  shadow passes %u  dispatches %u\n", stats.lights, stats.shadow_passes,
+             stats.dispatches);
     add_line(lines, "%u samples  %u receivers  K %u  %.1f MiB\n", transport->sample_count, transport->receiver_count,
              transport->info.links, (double)stats.device_bytes / 1048576);
     if (objects.shown > 0)

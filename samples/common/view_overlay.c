@@ -53,7 +53,8 @@ static bool create_set(Host *host, Overlay *overlay)
                                          .pushConstantRangeCount = 1,
                                          .pPushConstantRanges = &range};
     return host_check(host, vkAllocateDescriptorSets(host->device, &set, &overlay->set), "vkAllocateDescriptorSets") &&
-           host_check(host, vkCreatePipelineLayout(host->device, &layout, NULL, &overlay->layout), "vkCreatePipelineLayout");
+           host_check(host, vkCreatePipelineLayout(host->device, &layout, NULL, &overlay->layout),
+                      "vkCreatePipelineLayout");
 }
 
 /* `size` bytes of SPIR-V. */
@@ -95,8 +96,8 @@ static VkPipeline create_pipeline(Host *host, const Overlay *overlay, const Swap
     VkPipelineViewportStateCreateInfo viewport = {.sType = VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO,
                                                   .viewportCount = 1,
                                                   .scissorCount = 1};
-    VkPipelineRasterizationStateCreateInfo raster = {.sType = VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO,
-                                                     .lineWidth = 1};
+    VkPipelineRasterizationStateCreateInfo raster = {
+        .sType = VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO, .lineWidth = 1};
     VkPipelineMultisampleStateCreateInfo multisample = {
         .sType = VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO,
         .rasterizationSamples = VK_SAMPLE_COUNT_1_BIT};

@@ -59,7 +59,8 @@ static bool create_pass(Host *host, Swapchain *chain)
                                    .pSubpasses = &subpass,
                                    .dependencyCount = 1,
                                    .pDependencies = &dependency};
-    return chain->pass || host_check(host, vkCreateRenderPass(host->device, &info, NULL, &chain->pass), "vkCreateRenderPass");
+    return chain->pass ||
+           host_check(host, vkCreateRenderPass(host->device, &info, NULL, &chain->pass), "vkCreateRenderPass");
 }
 
 static bool create_image(Host *host, Swapchain *chain, VkImage image, SwapchainImage *made)
@@ -152,9 +153,9 @@ bool swapchain_create(Host *host, Swapchain *chain, uint32_t width, uint32_t hei
         .clipped = VK_TRUE,
         .oldSwapchain = before};
     chain->swapchain = VK_NULL_HANDLE;
-    bool good = host_check(host, vkCreateSwapchainKHR(host->device, &info, NULL, &chain->swapchain), "vkCreateSwapchainKHR");
+    VkResult result = vkCreateSwapchainKHR(host->device, &info, NULL, &chain->swapchain);
     vkDestroySwapchainKHR(host->device, before, NULL);
-    return good && create_images(host, chain) &&
+    return host_check(host, result, "vkCreateSwapchainKHR") && create_images(host, chain) &&
            host_check(host, vkCreateSemaphore(host->device, &semaphore, NULL, &chain->acquired), "vkCreateSemaphore");
 }
 

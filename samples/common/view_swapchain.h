@@ -25,8 +25,8 @@ typedef struct Swapchain {
 bool swapchain_create(Host *host, Swapchain *chain, uint32_t width, uint32_t height);
 void swapchain_destroy(Host *host, Swapchain *chain);
 
-/* The next image; the host's next submission waits for it and tells the screen. `stale`: the window has another size, the
- * swapchain must be made anew; nothing is acquired then. False: the device failed. */
+/* The next image; the host's next submission waits for it and tells the screen. `stale`: the window has another size,
+ * the swapchain must be made anew; nothing is acquired then. False: the device failed. */
 bool swapchain_acquire(Host *host, Swapchain *chain, bool *stale);
 /* After the submission. */
 bool swapchain_present(Host *host, Swapchain *chain, bool *stale);

@@ -1,5 +1,5 @@
-/* A screen of its own for a program with a window: Xvfb, keys and a mouse that the X server takes for real, and what can be
- * seen. Included after cmocka.h; the test is linked with X11 and Xtst. */
+/* A screen of its own for a program with a window: Xvfb, keys and a mouse that the X server takes for real, and what can
+ * be seen. Included after cmocka.h; the test is linked with X11 and Xtst. */
 #ifndef CHIARO_TEST_SCREEN_H
 #define CHIARO_TEST_SCREEN_H
 
