@@ -154,7 +154,7 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_COMMON) $(COMMON_SAMPLES) $(REFERENCE) $
 $(B)/spirv/tests/%.h: tests/glsl/%.glsl $(wildcard glsl/*.glsl glsl/*.h)
 	@mkdir -p $(@D)
 	$(GLSLANG) --quiet -V --target-env vulkan1.1 -Iglsl --vn $(subst .,_,$*)_code -o $@ $<
-$(B)/obj/tests/test_vulkan_light.o: $(B)/spirv/tests/unshadowed.comp.h
+$(addprefix $(B)/obj/tests/test_vulkan_,light.o cycles.o): $(B)/spirv/tests/unshadowed.comp.h
 $(B)/tests/test_old_host: $(B)/obj/tests/abi/new_host.o
 $(addprefix $(B)/tests/test_,plugin old_host embed): | $(PLUGIN) $(EMBEDS)
 
