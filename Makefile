@@ -17,8 +17,9 @@ C_WARNINGS := $(WARNINGS) -Wstrict-prototypes -Wmissing-prototypes
 FLAGS_release := -O2 -g -DNDEBUG
 FLAGS_debug := -O0 -g
 FLAGS_sanitize := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=undefined
+FLAGS_thread := -O1 -g -fsanitize=thread
 ifeq ($(FLAGS_$(config)),)
-$(error config=$(config): choose release, debug or sanitize)
+$(error config=$(config): choose release, debug, sanitize or thread)
 endif
 # No contraction: the same bits from every compiler.
 COMMON := $(FLAGS_$(config)) -fPIC -fvisibility=hidden -ffp-contract=off -MMD -MP -Iinclude -I$(B) -Iglsl
@@ -61,7 +62,7 @@ BAKE_LIBRARY := $(B)/libchiaro_bake.a
 all: $(LIBRARY) $(SHARED) $(PLUGIN) $(BAKE_LIBRARY) $(PROGRAMS) $(EMBEDS)
 
 help: ## this list
-	@echo 'make            build the library and the programs (config=release|debug|sanitize)'
+	@echo 'make            build the library and the programs (config=release|debug|sanitize|thread)'
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' $(MAKEFILE_LIST) | \
 	 while IFS='|' read -r target text; do printf '%-16s%s\n' "$$target" "$$text"; done
 
@@ -168,7 +169,7 @@ $(B)/tests/test_view: VULKAN_LIBS += -lstb -lX11 -lXtst
 $(B)/spirv/tests/%.h: tests/glsl/%.glsl $(wildcard glsl/*.glsl glsl/*.h)
 	@mkdir -p $(@D)
 	$(GLSLANG) --quiet -V --target-env vulkan1.1 -Iglsl --vn $(subst .,_,$*)_code -o $@ $<
-$(B)/obj/tests/test_vulkan_light.o: $(B)/spirv/tests/unshadowed.comp.h
+$(addprefix $(B)/obj/tests/test_vulkan_,light.o cycles.o budget.o): $(B)/spirv/tests/unshadowed.comp.h
 $(B)/tests/test_old_host: $(B)/obj/tests/abi/new_host.o
 $(addprefix $(B)/tests/test_,plugin old_host embed): | $(PLUGIN) $(EMBEDS)
 

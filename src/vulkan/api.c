@@ -18,6 +18,8 @@
 #define MIN_SHADOW_SIZE 64u
 #define MAX_SHADOW_SIZE 8192u
 #define MAX_EXPOSURE 64.0f
+/* What the end of an update is taken to cost falls by so much a frame toward what it does cost; it rises at once. */
+#define TAIL_FORGET (1.0f / 64)
 
 static ChiaroResult refuse(const ChiaroVulkan *context, const char *what)
 {
@@ -286,6 +288,7 @@ static ChiaroResult update(ChiaroVulkan *context, const ChiaroVulkanUpdate *give
         return CHIARO_ERROR_ARGUMENT;
     const ChiaroClock *clock = &context->desc.clock;
     context->update_began = context->lap_began = clock->now ? clock->now(clock->user) : 0;
+    context->tail_began = 0;
     memset(context->laps, 0, sizeof context->laps);
     if (info->gpu_units && !context->desc.sliced)
         return refuse(context, "update: gpu_units needs ChiaroVulkanDesc.sliced");
@@ -301,6 +304,10 @@ static ChiaroResult update(ChiaroVulkan *context, const ChiaroVulkanUpdate *give
     chiaro_objects_update(context, info);
     chiaro_record_update(context, info->command_buffer, info);
     chiaro_vulkan_lap(context, LAP_BOUNCE);
+    if (context->tail_began) {
+        float tail = (float)(context->lap_began - context->tail_began);
+        context->tail = tail > context->tail ? tail : context->tail + TAIL_FORGET * (tail - context->tail);
+    }
     return CHIARO_OK;
 }
 

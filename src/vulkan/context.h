@@ -369,6 +369,8 @@ struct ChiaroVulkan {
     uint32_t *sample_code; /* the host's */
     uint32_t dispatches, shadow_passes, tasks; /* of the last update */
     uint64_t update_began, lap_began, laps[LAPS]; /* nanoseconds; the last: of the last update */
+    uint64_t tail_began; /* when the world had done its share */
+    float tail;          /* nanoseconds: what an update takes after that, as far as is known */
     uint64_t updates, upload_bytes;
 };
 

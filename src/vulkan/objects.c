@@ -153,7 +153,7 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
         *wanted[i].buffer =
             chiaro_arena_buffer(context, arena, gi || i == 0 ? wanted[i].size : 16, storage, false, bytes);
     state->has_gi = gi;
-    if (gi) {
+    if (gi && !context->desc.light_only) {
         state->vertices = chiaro_arena_buffer(context, arena, info->scene->vertex_count * sizeof(ChiaroObjectVertex),
                                               VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | copied, false, bytes);
     }
@@ -184,7 +184,7 @@ static ChiaroResult create_read_back(ChiaroVulkan *context)
 static ChiaroResult fill_vertices(ChiaroVulkan *context, const ChiaroVulkanObjects *info)
 {
     ObjectsState *state = &context->objects;
-    if (!state->has_gi)
+    if (!state->vertices.buffer)
         return CHIARO_OK;
     Upload upload = chiaro_upload_begin(context, chiaro_upload_size(state->vertices.size), info->command_buffer);
     if (!upload.arena)
@@ -562,25 +562,15 @@ static uint32_t write_cells(ChiaroVulkan *context, VkCommandBuffer commands, con
     return grid->first[1] + entry_count;
 }
 
-/* `sliced`: as far as the frame had time for them. */
-static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands, bool sliced)
+static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroWorldBlockers *given)
 {
     ObjectsState *state = &context->objects;
-    ChiaroWorldBlockers b;
+    const ChiaroWorldBlockers b = *given;
     ChiaroGpuGrid grids[2] = {{.low = {0}}};
-    if (sliced && !chiaro_world_blockers_ready(state->world))
+    if (state->grid_written && b.revision == state->revision)
         return;
-    if (sliced)
-        chiaro_world_blockers_shown(state->world, &b);
-    else
-        chiaro_world_blockers(state->world, &b);
-    if (state->grid_written && b.revision == state->revision) {
-        state->blockers_due = false;
-        return;
-    }
     state->revision = b.revision;
     state->grid_written = true;
-    state->blockers_due = false;
     /* The far grid reaches further than the near one. */
     for (int axis = 0; axis < 3; axis++) {
         bool any = b.far.cell_count > 0;
@@ -607,6 +597,25 @@ bool chiaro_objects_near(const ChiaroVulkan *context, const DrawPart *part)
 
 /* ---- the frame ---------------------------------------------------------------------------------------------------- */
 
+/* By the host's budget. Grids go to the device when an earlier frame had them whole: what that takes, and what is known to
+ * come after, is not the world's to spend. */
+static void run_budget(ChiaroVulkan *context, const ChiaroVulkanUpdate *info)
+{
+    ObjectsState *state = &context->objects;
+    ChiaroWorldBlockers blockers;
+    if (chiaro_world_blockers_ready(state->world)) {
+        chiaro_world_blockers_shown(state->world, &blockers);
+        write_blockers(context, info->command_buffer, &blockers);
+    }
+    chiaro_vulkan_lap(context, LAP_BLOCKERS);
+    uint32_t spent = chiaro_vulkan_microseconds(context, context->update_began) + (uint32_t)(context->tail / 1000);
+    state->painted_count = chiaro_world_run(state->world, info->budget, spent, state->painted, state->painted_room);
+    if (chiaro_world_blockers_ready(state->world)) {
+        chiaro_world_blockers_shown(state->world, &blockers);
+        state->blockers_due = blockers.revision != state->revision;
+    }
+}
+
 /* The share of the world's work: by the host's budget, or so many cubes. */
 static void run_world(ChiaroVulkan *context, const ChiaroVulkanUpdate *info)
 {
@@ -615,12 +624,17 @@ static void run_world(ChiaroVulkan *context, const ChiaroVulkanUpdate *info)
     chiaro_world_without(state->world, context->settings.without);
     if (info->has_eye)
         chiaro_world_eye(state->world, info->eye, info->forward);
-    if (info->budget.microseconds || info->budget.units)
-        state->painted_count =
-            chiaro_world_run(state->world, info->budget, chiaro_vulkan_microseconds(context, context->update_began),
-                             state->painted, state->painted_room);
-    else
+    if (info->budget.microseconds || info->budget.units) {
+        run_budget(context, info);
+    } else {
+        ChiaroWorldBlockers blockers;
         state->painted_count = chiaro_world_update(state->world, state->cubes, state->painted);
+        chiaro_world_blockers(state->world, &blockers);
+        write_blockers(context, info->command_buffer, &blockers);
+        state->blockers_due = false;
+    }
+    chiaro_vulkan_lap(context, LAP_CUBES);
+    context->tail_began = context->lap_began;
     if (chiaro_kernel_stats(chiaro_world_kernel(state->world), &stats) == CHIARO_OK)
         context->tasks += stats.done;
 }
@@ -647,22 +661,17 @@ void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info
     /* The frames before may still read what is written now. */
     chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT,
                           0, VK_PIPELINE_STAGE_TRANSFER_BIT, 0);
-    if (state->show_changed || state->moves != chiaro_world_moves(state->world)) {
+    if (state->show_changed || state->moves != chiaro_world_moves(state->world))
         follow_objects(context, commands);
-        state->blockers_due = true;
-    }
     follow_shadows(context);
     chiaro_vulkan_lap(context, LAP_OBJECTS);
     if (chiaro_vulkan_object_gi(context)) {
         take_light(context, info->completed_frame);
         run_world(context, info);
-        state->blockers_due = state->blockers_due || state->painted_count > 0;
         for (uint32_t i = 0; i < state->painted_count; i++)
             take_cube(context, commands, state->painted[i]);
         fade_cubes(context, commands);
         chiaro_vulkan_lap(context, LAP_CUBES);
-        write_blockers(context, commands, info->budget.microseconds || info->budget.units);
-        chiaro_vulkan_lap(context, LAP_BLOCKERS);
     }
     chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT,
                           VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT,
