@@ -6,7 +6,7 @@
 #include <string.h>
 
 /* Edge of a cell, in mean reaches of the blockers, where there are cells enough. */
-static const float NEAR_CELL = 0.125f, FAR_CELL = 0.25f;
+static const float NEAR_CELL = 0.25f, FAR_CELL = 0.5f;
 /* In radii. */
 static const float SPARE = 0.01f;
 /* Worlds of few objects need few cells. */
@@ -132,6 +132,8 @@ static void enter(const Filling *filling, const uint32_t cell[3], uint32_t first
         count += weight > 0;
         sum += weight;
     }
+    if (!count)
+        return;
     uint32_t filled = CHIARO_CELL_BALLS(*word) + CHIARO_CELL_OTHERS(*word);
     while (filled + count > CHIARO_MAX_CELL_BLOCKERS) {
         if (!make_room(filling, entries, word, corner, sum))
