@@ -14,7 +14,7 @@ enum { ROUND_NONE, ROUND_OBJECTS, ROUND_LISTS, ROUND_BLOCKERS, ROUND_PAINT };
 
 /* Kinds of items, as the kernel learns what they take; units of each, by measurement about a microsecond. */
 enum { KIND_PAINT = ROUND_PAINT, KIND_PAINT_STATIC, KIND_SHOWN };
-enum { PAINT_UNITS = 16, PAINT_STATIC_UNITS = 100, SLICE_UNITS = 8, OBJECTS_A_UNIT = 16, LISTS_A_UNIT = 1,
+enum { PAINT_UNITS = 16, PAINT_STATIC_UNITS = 100, SLICE_UNITS = 8, BLOCKERS_SLICE = 2, OBJECTS_A_UNIT = 16, LISTS_A_UNIT = 1,
        BLOCKERS_A_UNIT = 1 };
 
 /* What objects do to static surfaces is seen at once, but the rest of the frame is not only for it. */
@@ -76,7 +76,7 @@ static void ask_for_stage(ChiaroWorld *world)
     static const uint32_t a_unit[] = {1, OBJECTS_A_UNIT, LISTS_A_UNIT, BLOCKERS_A_UNIT};
     uint32_t units = 1 + (world->body_end - world->cursor) / a_unit[world->stage];
     chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_ROUND, world->stage, 1, units,
-                      SLICE_UNITS);
+                      world->stage == ROUND_BLOCKERS ? BLOCKERS_SLICE : SLICE_UNITS);
 }
 
 static void enter_stage(ChiaroWorld *world, uint32_t stage)
@@ -260,7 +260,7 @@ static void ask_for_shown(ChiaroWorld *world)
 {
     if (world->shown_building || (world->shown_wanted && world->shown_stale))
         chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_SHOWN, KIND_SHOWN, SHOWN_URGENCY,
-                          1 + world->body_end / BLOCKERS_A_UNIT, SLICE_UNITS);
+                          1 + world->body_end / BLOCKERS_A_UNIT, BLOCKERS_SLICE);
 }
 
 static void work_on_shown(ChiaroWorld *world, uint32_t units)
