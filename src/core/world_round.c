@@ -14,8 +14,9 @@ enum { ROUND_NONE, ROUND_OBJECTS, ROUND_LISTS, ROUND_BLOCKERS, ROUND_PAINT };
 
 /* Kinds of items, as the kernel learns what they take; units of each, by measurement about a microsecond. */
 enum { KIND_PAINT = ROUND_PAINT, KIND_PAINT_STATIC, KIND_SHOWN };
-enum { PAINT_UNITS = 16, PAINT_STATIC_UNITS = 100, SLICE_UNITS = 8, BLOCKERS_SLICE = 2, OBJECTS_A_UNIT = 16, LISTS_A_UNIT = 1,
-       BLOCKERS_A_UNIT = 1 };
+enum { PAINT_UNITS = 16, PAINT_STATIC_UNITS = 100, OBJECTS_A_UNIT = 16, LISTS_A_UNIT = 1, BLOCKERS_A_UNIT = 1 };
+/* Units of a slice; where jobs share it, it is worth their while. */
+enum { SLICE_UNITS = 8, BLOCKERS_SLICE = 2, SHARED_SLICE = 256 };
 
 /* What objects do to static surfaces is seen at once, but the rest of the frame is not only for it. */
 static const float SHOWN_URGENCY = 1;
@@ -73,10 +74,13 @@ static ChiaroNeighbourObject neighbour_of(const ChiaroWorld *world, const Body *
 /* What is left of the stage is due. */
 static void ask_for_stage(ChiaroWorld *world)
 {
+    bool shared = world->stage == ROUND_LISTS && world->desc.jobs.parallel_for;
     static const uint32_t a_unit[] = {1, OBJECTS_A_UNIT, LISTS_A_UNIT, BLOCKERS_A_UNIT};
     uint32_t units = 1 + (world->body_end - world->cursor) / a_unit[world->stage];
     chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_ROUND, world->stage, 1, units,
-                      world->stage == ROUND_BLOCKERS ? BLOCKERS_SLICE : SLICE_UNITS);
+                      shared                           ? SHARED_SLICE
+                      : world->stage == ROUND_BLOCKERS ? BLOCKERS_SLICE
+                                                       : SLICE_UNITS);
 }
 
 static void enter_stage(ChiaroWorld *world, uint32_t stage)
