@@ -225,16 +225,16 @@ static void pack(const Filling *filling, uint32_t *cell, uint32_t count)
     filling->cells->entry_count = next;
 }
 
-/* How a grid is built: all blockers; then either kind of cells, plain balls first. */
-enum { BUILD_BLOCKERS, BUILD_NEAR, BUILD_NEAR_OTHERS, BUILD_NEAR_PACK, BUILD_FAR, BUILD_FAR_OTHERS, BUILD_FAR_PACK,
-       BUILD_DONE };
+/* How a grid is built: all blockers; then either kind of cells is laid out and filled, plain balls first. */
+enum { BUILD_BLOCKERS, BUILD_NEAR_LAY, BUILD_NEAR, BUILD_NEAR_OTHERS, BUILD_NEAR_PACK, BUILD_FAR_LAY, BUILD_FAR,
+       BUILD_FAR_OTHERS, BUILD_FAR_PACK, BUILD_DONE };
 
 /* Cells are packed so much faster than objects are entered. */
 enum { CELLS_AN_ENTRY = 64 };
 
 static Filling filling_of(BlockerGrid *grid)
 {
-    bool near = grid->stage < BUILD_FAR;
+    bool near = grid->stage < BUILD_FAR_LAY;
     return (Filling){near ? &grid->near : &grid->far, near ? &grid->view.near : &grid->view.far, grid->blockers,
                      near ? CHIARO_BLOCKER_NEAR : CHIARO_BLOCKER_REACH};
 }
@@ -257,7 +257,7 @@ static void begin_cells(const ChiaroWorld *world, BlockerGrid *grid)
 {
     Filling filling = filling_of(grid);
     lay_cells(filling.cells, &grid->view, chiaro_world_cells(world->desc.object_capacity), filling.reach,
-              grid->stage == BUILD_NEAR ? NEAR_CELL : FAR_CELL);
+              grid->stage == BUILD_NEAR_LAY ? NEAR_CELL : FAR_CELL);
     filling.cells->cells = filling.grid->cells, filling.cells->entries = filling.grid->entries;
     memset(filling.grid->cells, 0, filling.cells->cell_count * sizeof *filling.grid->cells);
 }
@@ -285,10 +285,26 @@ static uint32_t stage_end(const ChiaroWorld *world, BlockerGrid *grid)
 {
     switch (grid->stage) {
     case BUILD_BLOCKERS: return world->body_end;
+    case BUILD_NEAR_LAY:
+    case BUILD_FAR_LAY: return 0;
     case BUILD_NEAR_PACK:
     case BUILD_FAR_PACK: return filling_of(grid).cells->cell_count;
     default: return grid->view.blocker_count;
     }
+}
+
+uint32_t chiaro_blockers_left(const ChiaroWorld *world, const BlockerGrid *grid)
+{
+    uint32_t bodies = world->body_end, packing = 1 + chiaro_world_cells(world->desc.object_capacity) / CELLS_AN_ENTRY;
+    uint32_t left = 1 + (grid->stage == BUILD_BLOCKERS ? bodies - grid->cursor : 0);
+    for (uint32_t stage = grid->stage < BUILD_NEAR_LAY ? BUILD_NEAR_LAY : grid->stage; stage < BUILD_DONE; stage++)
+        left += stage == BUILD_NEAR_PACK || stage == BUILD_FAR_PACK ? packing : bodies + 1;
+    return left;
+}
+
+bool chiaro_blockers_lay(const BlockerGrid *grid)
+{
+    return grid->stage == BUILD_NEAR_LAY || grid->stage == BUILD_FAR_LAY;
 }
 
 void chiaro_blockers_begin(BlockerGrid *grid)
@@ -302,6 +318,8 @@ bool chiaro_blockers_step(ChiaroWorld *world, BlockerGrid *grid, bool newest, ui
     const Filling filling = filling_of(grid);
     if (grid->stage == BUILD_BLOCKERS)
         make_blockers(world, grid, newest, count);
+    else if (chiaro_blockers_lay(grid))
+        begin_cells(world, grid);
     else if (grid->stage == BUILD_NEAR_PACK || grid->stage == BUILD_FAR_PACK)
         pack(&filling, &grid->cursor, count < UINT32_MAX / CELLS_AN_ENTRY ? CELLS_AN_ENTRY * count : count);
     else
@@ -309,8 +327,6 @@ bool chiaro_blockers_step(ChiaroWorld *world, BlockerGrid *grid, bool newest, ui
     if (grid->cursor < stage_end(world, grid))
         return false;
     grid->stage++, grid->cursor = 0;
-    if (grid->stage == BUILD_NEAR || grid->stage == BUILD_FAR)
-        begin_cells(world, grid);
     return grid->stage == BUILD_DONE;
 }
 
