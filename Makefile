@@ -196,7 +196,7 @@ install: all ## install into PREFIX (default /usr/local; DESTDIR is honoured)
 	install -d $(DESTDIR)$(PREFIX)/include/chiaro $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/bin \
 	  $(DESTDIR)$(PREFIX)/share/chiaro/glsl
 	install -m 644 include/chiaro/*.h $(DESTDIR)$(PREFIX)/include/chiaro/
-	install -m 644 glsl/chiaro.glsl glsl/chiaro_shared.h $(DESTDIR)$(PREFIX)/share/chiaro/glsl/
+	install -m 644 glsl/chiaro.glsl glsl/chiaro_shared.h glsl/samples.glsl glsl/gi.glsl $(DESTDIR)$(PREFIX)/share/chiaro/glsl/
 	install -m 644 $(LIBRARY) $(BAKE_LIBRARY) $(DESTDIR)$(PREFIX)/lib/
 	install -m 755 $(SHARED) $(PLUGIN) $(DESTDIR)$(PREFIX)/lib/
 	ln -sf $(notdir $(SHARED)) $(DESTDIR)$(PREFIX)/lib/libchiaro.so.0

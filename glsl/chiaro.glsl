@@ -477,7 +477,7 @@ float chiaro_sphere_form(vec3 way, vec3 normal, float radius)
     /* Across the horizon (Howell's catalogue, B-19). */
     float sine = sqrt(1 - cosine * cosine), x = sqrt((1 - ratio) * (1 + ratio)) / ratio;
     float y = clamp(-x * cosine / sine, -1, 1), root = sqrt(1 - y * y);
-    return max(0, (ratio * ratio * (cosine * acos(y) - x * sine * root) + atan(sine * root, x)) / chiaro_pi);
+    return max(0, (ratio * ratio * (cosine * acos(y) - x * sine * root) + atan(sine * root / x)) / chiaro_pi);
 }
 
 /* Angle under which an edge is seen, times the cosine of its plane's normal: Lambert's sum over edges. */

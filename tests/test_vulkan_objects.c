@@ -11,6 +11,7 @@
 #include "../samples/common/scenes.h"
 #include "../src/core/random.h"
 #include "chiaro/chiaro_bake.h"
+#include "chiaro_shared.h"
 #include "common/check.h"
 #include "common/stage.h"
 
@@ -269,6 +270,15 @@ static const float *probe_pixel(const float *pixels, uint32_t i)
 static const float cavity[3] = {1, 0.5f, 0.25f};
 
 /* Decoded texels, looked up by the CPU, are what the shader makes of the encoded ones. */
+/* Fractions cannot be compared while compiling. */
+static void constants_of_blockers_are_the_shaders(void **state)
+{
+    (void)state;
+    assert_true(CHIARO_BLOCKER_NEAR == (float)CHIARO_NEAR);
+    assert_true(CHIARO_BLOCKER_REACH == (float)CHIARO_REACH);
+    assert_true(CHIARO_BLOCKER_GAP == (float)CHIARO_GAP);
+}
+
 static void the_shader_looks_cubes_up_as_the_cpu_does(void **state)
 {
     (void)state;
@@ -909,6 +919,7 @@ static void every_allocation_for_objects_may_fail(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(constants_of_blockers_are_the_shaders),
         cmocka_unit_test(the_shader_looks_cubes_up_as_the_cpu_does),
         cmocka_unit_test(long_objects_blend_their_cubes_by_vertex),
         cmocka_unit_test(objects_under_skies_get_exact_irradiance),

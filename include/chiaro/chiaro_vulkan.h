@@ -1,6 +1,9 @@
 /* Chiaro for Vulkan: records shadow maps, sample lighting, gathers and a forward pass into the host's command buffers.
  *
- * The one exported symbol is chiaro_vulkan_get_api(). Everything else is reached through the table that it returns.
+ * The one exported symbol of the plugin is chiaro_vulkan_get_api(). Everything else is reached through the table that it
+ * returns, the core's functions through `core` in it. Both sides check: the host asks for the version of its header, and gets
+ * NULL from a library that is older. Structures begin with struct_size and grow at their ends only: a host of an older header
+ * passes fewer bytes, and what it does not know is zero, which is the default.
  *
  * Chiaro does NOT: create a device, own a queue, submit, wait, present, begin or end the host's render pass, print,
  * exit, keep global state, link the Vulkan loader, or allocate in update() and draw().
@@ -12,13 +15,14 @@
  *     lights_set(), sky_set(), settings_set()            when something changed; may allocate
  *     update()                                           OUTSIDE a render pass; records nothing if nothing changed
  *     host begins its render pass, colour and depth cleared (depth to the far plane)
- *     draw()                                             INSIDE it
+ *     draw()                                             INSIDE it; or the host binds sets() and draws itself
  *     host ends it, submits, presents
  *
- * Synchronisation: update() leaves its results visible to the vertex and fragment shaders of later commands, and waits
- * for earlier ones, so no barrier of the host's is needed around it, across frames neither, as long as all commands go
- * to one queue. All images are Chiaro's own; their layouts never concern the host. draw() leaves pipelines, descriptor
- * sets, push constants, vertex and index buffers, viewport and scissor changed.
+ * Synchronisation: update() leaves its results visible to all shaders of later commands, and waits for earlier ones, so no
+ * barrier of the host's is needed around it, across frames neither, as long as all commands go to one queue. All images
+ * are Chiaro's own; their layouts never concern the host. draw() leaves pipelines, descriptor sets, push constants, vertex
+ * and index buffers, viewport and scissor changed. Where a host's own shader lights the samples (sample_code), what that
+ * reads - its shadow maps - must be visible to compute shaders before update().
  *
  * Objects that move: chiaro_world_create() and chiaro_object_add(), then objects_load() and object_show(); from then on
  * the host only calls chiaro_object_move(). update() follows the world: it repaints some cubes, uploads what changed,

@@ -10,8 +10,9 @@
 
 enum { DEFAULT_LATENCY = 4 };
 
-/* What an item of a kind is taken to cost falls by this much a time toward what it does cost; it rises at once. */
-static const float FORGET = 1.0f / 64;
+/* What an item of a kind is taken to cost falls by this much a time toward what it does cost; it rises at once, but by no
+ * more than this factor: one that was dear by chance must not stop the others for long. */
+static const float FORGET = 1.0f / 64, RISE = 8;
 /* And may be dearer than ever before by so much. */
 static const float MARGIN = 1.25f;
 
@@ -175,7 +176,9 @@ static uint64_t measure(ChiaroKernel *kernel)
     if (kernel->working != CHIARO_NONE && kernel->desc.clock.now) {
         float *known = &kernel->nanoseconds[kernel->items[kernel->working].kind];
         float taken = (float)(time - kernel->started) / (float)kernel->slice;
-        *known = taken > *known ? taken : *known + FORGET * (taken - *known);
+        if (*known == 0)
+            *known = taken;
+        *known = taken > *known ? fminf(taken, RISE * *known) : *known + FORGET * (taken - *known);
     }
     kernel->working = CHIARO_NONE;
     kernel->started = time;

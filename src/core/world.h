@@ -238,6 +238,9 @@ uint32_t chiaro_blockers_make(const Pose *pose, const ChiaroObject *object, cons
 void chiaro_blockers_build(ChiaroWorld *world, BlockerGrid *grid, bool newest);
 /* The same in steps of about so many objects; true: it is whole. Bodies may move and go between steps. */
 void chiaro_blockers_begin(BlockerGrid *grid);
+/* At most so many objects are still to be stepped over. */
+bool chiaro_blockers_lay(const BlockerGrid *grid); /* the next step is all at once, and longer than others */
+uint32_t chiaro_blockers_left(const ChiaroWorld *world, const BlockerGrid *grid);
 bool chiaro_blockers_step(ChiaroWorld *world, BlockerGrid *grid, bool newest, uint32_t count);
 /* A step of the grid that is shown; true: it is whole, and has a new revision. */
 bool chiaro_blockers_show(ChiaroWorld *world, uint32_t count);

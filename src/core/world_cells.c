@@ -6,7 +6,7 @@
 #include <string.h>
 
 /* Edge of a cell, in mean reaches of the blockers, where there are cells enough. */
-static const float NEAR_CELL = 0.125f, FAR_CELL = 0.25f;
+static const float NEAR_CELL = 0.25f, FAR_CELL = 0.5f;
 /* In radii. */
 static const float SPARE = 0.01f;
 /* Worlds of few objects need few cells. */
@@ -117,13 +117,27 @@ static bool make_room(const Filling *filling, uint32_t *entries, uint32_t *word,
     return least_count > 0;
 }
 
-/* Enters the blockers of an object: first .. end. */
-static void enter(const Filling *filling, const uint32_t cell[3], uint32_t first, uint32_t end, bool ball)
+/* Enters blockers of an object. */
+static void enter(const Filling *filling, uint32_t number, Vec3 corner, const uint32_t *numbers, uint32_t count,
+                  float weight, bool ball)
+{
+    uint32_t *entries = filling->grid->entries + (size_t)number * CHIARO_MAX_CELL_BLOCKERS;
+    uint32_t *word = &filling->grid->cells[number], filled = CHIARO_CELL_BALLS(*word) + CHIARO_CELL_OTHERS(*word);
+    while (filled + count > CHIARO_MAX_CELL_BLOCKERS) {
+        if (!make_room(filling, entries, word, corner, weight))
+            return;
+        filled = CHIARO_CELL_BALLS(*word) + CHIARO_CELL_OTHERS(*word);
+    }
+    for (uint32_t k = 0; k < count; k++)
+        entries[filled + k] = numbers[k];
+    *word += ball ? count << 20 : count << 26;
+}
+
+/* An object of several blockers: first .. end. */
+static void enter_pieces(const Filling *filling, const uint32_t cell[3], uint32_t first, uint32_t end)
 {
     const ChiaroBlockerCells *cells = filling->cells;
-    uint32_t number = cell[0] + cells->count[0] * (cell[1] + cells->count[1] * cell[2]), count = 0;
-    uint32_t *entries = filling->grid->entries + (size_t)number * CHIARO_MAX_CELL_BLOCKERS;
-    uint32_t *word = &filling->grid->cells[number], numbers[CHIARO_MAX_OBJECT_BLOCKERS];
+    uint32_t numbers[CHIARO_MAX_OBJECT_BLOCKERS], count = 0;
     Vec3 corner = cell_corner(cells, cell);
     float sum = 0;
     for (uint32_t b = first; b < end; b++) {
@@ -132,34 +146,66 @@ static void enter(const Filling *filling, const uint32_t cell[3], uint32_t first
         count += weight > 0;
         sum += weight;
     }
-    uint32_t filled = CHIARO_CELL_BALLS(*word) + CHIARO_CELL_OTHERS(*word);
-    while (filled + count > CHIARO_MAX_CELL_BLOCKERS) {
-        if (!make_room(filling, entries, word, corner, sum))
-            return;
-        filled = CHIARO_CELL_BALLS(*word) + CHIARO_CELL_OTHERS(*word);
-    }
-    memcpy(entries + filled, numbers, count * sizeof *numbers);
-    *word += ball ? count << 20 : count << 26;
+    if (count)
+        enter(filling, cell[0] + cells->count[0] * (cell[1] + cells->count[1] * cell[2]), corner, numbers, count, sum,
+              false);
 }
 
-static void enter_object(const Filling *filling, uint32_t first, uint32_t end, bool ball)
+/* The cells that blockers may reach. */
+static void find_range(const Filling *filling, uint32_t first, uint32_t end, uint32_t low[3], uint32_t high[3])
 {
     const ChiaroBlockerCells *cells = filling->cells;
-    uint32_t low[3] = {UINT32_MAX, UINT32_MAX, UINT32_MAX}, high[3] = {0}, cell[3];
-    for (uint32_t b = first; b < end; b++) {
-        const ChiaroWorldBlocker *blocker = &filling->blockers[b];
-        for (uint32_t c = 0; c < 3; c++) {
+    for (uint32_t c = 0; c < 3; c++) {
+        float last = (float)cells->count[c] - 1;
+        low[c] = UINT32_MAX, high[c] = 0;
+        for (uint32_t b = first; b < end; b++) {
+            const ChiaroWorldBlocker *blocker = &filling->blockers[b];
             float place = blocker->center[c] - cells->low[c], reach = filling->reach * blocker->radius;
-            float last = (float)cells->count[c] - 1;
             uint32_t from = (uint32_t)chiaro_clamp((place - reach) / cells->size, 0, last);
             uint32_t to = (uint32_t)chiaro_clamp((place + reach) / cells->size, 0, last);
             low[c] = from < low[c] ? from : low[c], high[c] = to > high[c] ? to : high[c];
         }
     }
+}
+
+static void enter_object(const Filling *filling, uint32_t first, uint32_t end)
+{
+    uint32_t low[3], high[3], cell[3];
+    find_range(filling, first, end, low, high);
     for (cell[2] = low[2]; cell[2] <= high[2]; cell[2]++) {
         for (cell[1] = low[1]; cell[1] <= high[1]; cell[1]++) {
             for (cell[0] = low[0]; cell[0] <= high[0]; cell[0]++)
-                enter(filling, cell, first, end, ball);
+                enter_pieces(filling, cell, first, end);
+        }
+    }
+}
+
+/* Square of how far a blocker lies from a slab of cells. */
+static float slab_gap(const ChiaroBlockerCells *cells, const ChiaroWorldBlocker *blocker, uint32_t axis, uint32_t cell)
+{
+    float way = blocker->center[axis] - cells->low[axis] - cells->size * (float)cell;
+    float past = way - chiaro_clamp(way, 0, cells->size);
+    return past * past;
+}
+
+/* The same as enter_object() for a single ball, of which there are many. */
+static void enter_ball(const Filling *filling, uint32_t ball)
+{
+    const ChiaroBlockerCells *cells = filling->cells;
+    const ChiaroWorldBlocker *blocker = &filling->blockers[ball];
+    float reach = filling->reach * blocker->radius, square = blocker->radius * blocker->radius;
+    uint32_t low[3], high[3], cell[3];
+    find_range(filling, ball, ball + 1, low, high);
+    for (cell[2] = low[2]; cell[2] <= high[2]; cell[2]++) {
+        float slab = slab_gap(cells, blocker, 2, cell[2]);
+        for (cell[1] = low[1]; cell[1] <= high[1]; cell[1]++) {
+            float row = slab + slab_gap(cells, blocker, 1, cell[1]);
+            for (cell[0] = low[0]; cell[0] <= high[0] && row < reach * reach; cell[0]++) {
+                float gap = row + slab_gap(cells, blocker, 0, cell[0]);
+                uint32_t number = cell[0] + cells->count[0] * (cell[1] + cells->count[1] * cell[2]);
+                if (gap < reach * reach)
+                    enter(filling, number, cell_corner(cells, cell), &ball, 1, square / fmaxf(gap, square), true);
+            }
         }
     }
 }
@@ -171,24 +217,24 @@ static void pack(const Filling *filling, uint32_t *cell, uint32_t count)
     for (; *cell < filling->cells->cell_count && count > 0; ++*cell, count--) {
         uint32_t *word = &filling->grid->cells[*cell], held = CHIARO_CELL_BALLS(*word) + CHIARO_CELL_OTHERS(*word);
         uint32_t *entries = filling->grid->entries;
-        if (held)
-            memmove(entries + next, entries + (size_t)*cell * CHIARO_MAX_CELL_BLOCKERS, held * sizeof *entries);
+        for (uint32_t k = 0; k < held; k++)
+            entries[next + k] = entries[(size_t)*cell * CHIARO_MAX_CELL_BLOCKERS + k];
         *word |= next;
         next += held;
     }
     filling->cells->entry_count = next;
 }
 
-/* How a grid is built: all blockers; then either kind of cells, plain balls first. */
-enum { BUILD_BLOCKERS, BUILD_NEAR, BUILD_NEAR_OTHERS, BUILD_NEAR_PACK, BUILD_FAR, BUILD_FAR_OTHERS, BUILD_FAR_PACK,
-       BUILD_DONE };
+/* How a grid is built: all blockers; then either kind of cells is laid out and filled, plain balls first. */
+enum { BUILD_BLOCKERS, BUILD_NEAR_LAY, BUILD_NEAR, BUILD_NEAR_OTHERS, BUILD_NEAR_PACK, BUILD_FAR_LAY, BUILD_FAR,
+       BUILD_FAR_OTHERS, BUILD_FAR_PACK, BUILD_DONE };
 
 /* Cells are packed so much faster than objects are entered. */
 enum { CELLS_AN_ENTRY = 64 };
 
 static Filling filling_of(BlockerGrid *grid)
 {
-    bool near = grid->stage < BUILD_FAR;
+    bool near = grid->stage < BUILD_FAR_LAY;
     return (Filling){near ? &grid->near : &grid->far, near ? &grid->view.near : &grid->view.far, grid->blockers,
                      near ? CHIARO_BLOCKER_NEAR : CHIARO_BLOCKER_REACH};
 }
@@ -211,7 +257,7 @@ static void begin_cells(const ChiaroWorld *world, BlockerGrid *grid)
 {
     Filling filling = filling_of(grid);
     lay_cells(filling.cells, &grid->view, chiaro_world_cells(world->desc.object_capacity), filling.reach,
-              grid->stage == BUILD_NEAR ? NEAR_CELL : FAR_CELL);
+              grid->stage == BUILD_NEAR_LAY ? NEAR_CELL : FAR_CELL);
     filling.cells->cells = filling.grid->cells, filling.cells->entries = filling.grid->entries;
     memset(filling.grid->cells, 0, filling.cells->cell_count * sizeof *filling.grid->cells);
 }
@@ -224,9 +270,13 @@ static void enter_blockers(const ChiaroWorld *world, BlockerGrid *grid, bool oth
         uint32_t object = blockers[grid->cursor].object;
         for (end = grid->cursor + 1; end < grid->view.blocker_count && blockers[end].object == object;)
             end++;
-        bool ball = end == grid->cursor + 1 && world->bodies[object].ball;
-        if (ball == !others && filling.cells->cell_count)
-            enter_object(&filling, grid->cursor, end, ball);
+        bool ball = world->bodies[object].ball;
+        if (!filling.cells->cell_count || ball == others)
+            continue;
+        if (ball)
+            enter_ball(&filling, grid->cursor);
+        else
+            enter_object(&filling, grid->cursor, end);
     }
 }
 
@@ -235,10 +285,26 @@ static uint32_t stage_end(const ChiaroWorld *world, BlockerGrid *grid)
 {
     switch (grid->stage) {
     case BUILD_BLOCKERS: return world->body_end;
+    case BUILD_NEAR_LAY:
+    case BUILD_FAR_LAY: return 0;
     case BUILD_NEAR_PACK:
     case BUILD_FAR_PACK: return filling_of(grid).cells->cell_count;
     default: return grid->view.blocker_count;
     }
+}
+
+uint32_t chiaro_blockers_left(const ChiaroWorld *world, const BlockerGrid *grid)
+{
+    uint32_t bodies = world->body_end, packing = 1 + chiaro_world_cells(world->desc.object_capacity) / CELLS_AN_ENTRY;
+    uint32_t left = 1 + (grid->stage == BUILD_BLOCKERS ? bodies - grid->cursor : 0);
+    for (uint32_t stage = grid->stage < BUILD_NEAR_LAY ? BUILD_NEAR_LAY : grid->stage; stage < BUILD_DONE; stage++)
+        left += stage == BUILD_NEAR_PACK || stage == BUILD_FAR_PACK ? packing : bodies + 1;
+    return left;
+}
+
+bool chiaro_blockers_lay(const BlockerGrid *grid)
+{
+    return grid->stage == BUILD_NEAR_LAY || grid->stage == BUILD_FAR_LAY;
 }
 
 void chiaro_blockers_begin(BlockerGrid *grid)
@@ -252,6 +318,8 @@ bool chiaro_blockers_step(ChiaroWorld *world, BlockerGrid *grid, bool newest, ui
     const Filling filling = filling_of(grid);
     if (grid->stage == BUILD_BLOCKERS)
         make_blockers(world, grid, newest, count);
+    else if (chiaro_blockers_lay(grid))
+        begin_cells(world, grid);
     else if (grid->stage == BUILD_NEAR_PACK || grid->stage == BUILD_FAR_PACK)
         pack(&filling, &grid->cursor, count < UINT32_MAX / CELLS_AN_ENTRY ? CELLS_AN_ENTRY * count : count);
     else
@@ -259,8 +327,6 @@ bool chiaro_blockers_step(ChiaroWorld *world, BlockerGrid *grid, bool newest, ui
     if (grid->cursor < stage_end(world, grid))
         return false;
     grid->stage++, grid->cursor = 0;
-    if (grid->stage == BUILD_NEAR || grid->stage == BUILD_FAR)
-        begin_cells(world, grid);
     return grid->stage == BUILD_DONE;
 }
 

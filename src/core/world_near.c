@@ -25,24 +25,26 @@ void chiaro_near_add(Near *near, const NearThing *thing)
     near->plate_count++;
 }
 
-/* Form factors of four plates. */
-static Lanes plate_forms(const Near *near, uint32_t i, Vec3 point, Vec3 normal)
+/* Form factors of four plates; false: the receiver sees none of them. */
+static bool plate_forms(const Near *near, uint32_t i, Vec3 point, Vec3 normal, Lanes *forms)
 {
     Lanes zero = lanes_of(0), one = lanes_of(1), least = lanes_of(1e-30f);
     Lanes x = lanes_load(near->plates[NEAR_X] + i) - point.x, y = lanes_load(near->plates[NEAR_Y] + i) - point.y;
-    Lanes z = lanes_load(near->plates[NEAR_Z] + i) - point.z, area = lanes_load(near->plates[NEAR_AREA] + i);
+    Lanes z = lanes_load(near->plates[NEAR_Z] + i) - point.z, half = lanes_load(near->plates[NEAR_HALF] + i);
+    Lanes height = x * normal.x + y * normal.y + z * normal.z;
+    if (!lanes_any(height > -half)) /* it rises by no more than its radius */
+        return false;
     Lanes nx = lanes_load(near->plates[NEAR_NX] + i), ny = lanes_load(near->plates[NEAR_NY] + i);
-    Lanes nz = lanes_load(near->plates[NEAR_NZ] + i);
-    Lanes square = x * x + y * y + z * z, height = x * normal.x + y * normal.y + z * normal.z;
-    Lanes front = lanes_max(zero, -(x * nx + y * ny + z * nz));
+    Lanes nz = lanes_load(near->plates[NEAR_NZ] + i), area = lanes_load(near->plates[NEAR_AREA] + i);
+    Lanes square = x * x + y * y + z * z, front = lanes_max(zero, -(x * nx + y * ny + z * nz));
     /* Where its rim is, above its centre: the sine of the angle between the normals, near enough, without a root. */
-    Lanes cosine = nx * normal.x + ny * normal.y + nz * normal.z, flat = cosine * cosine;
-    Lanes rise = lanes_load(near->plates[NEAR_HALF] + i) * (one - lanes_min(one, flat)) * (one + 0.5f * flat) + least;
+    Lanes cosine = nx * normal.x + ny * normal.y + nz * normal.z, flat = lanes_min(one, cosine * cosine);
+    Lanes rise = half * (one - flat) * (one + 0.5f * flat) + least;
     Lanes low = lanes_max(-rise, lanes_min(rise, height)) + rise;
     /* low^2 / (4 rise) of its height, and all that is beyond the rise. */
-    height = low * low + 4 * rise * lanes_max(zero, height - rise);
-    Lanes both = front * height, four = 4 * rise * square;
-    return lanes_min(one, both * area / (CHIARO_PI * four * square + area * lanes_max(zero, 3 * both - 2 * four) + least));
+    Lanes both = front * (low * low + 4 * rise * lanes_max(zero, height - rise)), four = 4 * rise * square;
+    *forms = lanes_min(one, both * area / (CHIARO_PI * four * square + area * lanes_max(zero, 3 * both - 2 * four) + least));
+    return true;
 }
 
 void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4])
@@ -51,7 +53,10 @@ void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4])
     for (uint32_t k = 0; k < LANES - 1; k++)
         near->plates[NEAR_VISIBLE][near->plate_count + k] = 0;
     for (uint32_t i = 0; i < near->plate_count; i += LANES) {
-        Lanes form = plate_forms(near, i, point, normal) * lanes_load(near->plates[NEAR_VISIBLE] + i);
+        Lanes form;
+        if (!plate_forms(near, i, point, normal, &form))
+            continue;
+        form *= lanes_load(near->plates[NEAR_VISIBLE] + i);
         for (uint32_t c = 0; c < 3; c++)
             sum[c] += form * lanes_load(near->plates[NEAR_RED + c] + i);
         forms += form;

@@ -253,49 +253,59 @@ static Vec3 near_radiance(const ChiaroWorld *world, const Piece *piece)
     return vec3_scale(vec3_add(vec3_mad(direct, piece->ambient, open), vec3_mul(piece->albedo, bounce)), 1 / CHIARO_PI);
 }
 
-static void add_plate(Canvas *canvas, const Piece *piece)
+static void add_plate(Canvas *canvas, const Piece *piece, Vec3 radiance)
 {
-    if (!(piece->visible > LEAST_VISIBLE))
-        return;
     NearThing thing = {.center = piece->center, .normal = piece->normal, .area = piece->area, .visible = piece->visible,
-                       .radiance = near_radiance(canvas->world, piece)};
-    chiaro_near_add(&canvas->world->near, &thing);
+                       .radiance = radiance};
+    if (piece->visible > LEAST_VISIBLE)
+        chiaro_near_add(&canvas->world->near, &thing);
 }
 
-/* A block of pieces side by side is one where that is fine enough; else its quarters are asked. */
-static void add_pieces(Canvas *canvas, const Piece *pieces, uint32_t count)
+/* The mean of pieces side by side; false: they are not one plate. */
+static bool join_pieces(const Piece *pieces, uint32_t count, Piece *sum)
 {
-    Piece sum = {.normal = pieces[0].normal, .back = pieces[0].back};
-    float least = INFINITY;
-    bool flat = true;
-    if (count == 1) {
-        add_plate(canvas, &pieces[0]);
-        return;
-    }
-    for (uint32_t k = 0; k < count && flat; k++) {
+    *sum = (Piece){.normal = pieces[0].normal, .back = pieces[0].back, .distance = INFINITY};
+    for (uint32_t k = 0; k < count; k++) {
         const Piece *piece = &pieces[k];
         float area = piece->area;
-        sum.center = vec3_mad(sum.center, piece->center, area);
-        sum.ambient = vec3_mad(sum.ambient, piece->ambient, area);
-        sum.direct = vec3_mad(sum.direct, piece->direct, area);
-        sum.albedo = vec3_mad(sum.albedo, piece->albedo, area);
-        sum.emission = vec3_mad(sum.emission, piece->emission, area);
-        sum.visible += piece->visible * area, sum.leaf_area += piece->leaf_area * area;
-        sum.area += area, sum.seen += piece->seen;
-        least = fminf(least, piece->distance);
-        flat = area > 0 && vec3_dot(piece->normal, sum.normal) > PLATE_FLAT && piece->back == sum.back;
+        if (!(area > 0 && vec3_dot(piece->normal, sum->normal) > PLATE_FLAT && piece->back == sum->back))
+            return false;
+        sum->center = vec3_mad(sum->center, piece->center, area);
+        sum->ambient = vec3_mad(sum->ambient, piece->ambient, area);
+        sum->direct = vec3_mad(sum->direct, piece->direct, area);
+        sum->albedo = vec3_mad(sum->albedo, piece->albedo, area);
+        sum->emission = vec3_mad(sum->emission, piece->emission, area);
+        sum->visible += piece->visible * area, sum->leaf_area += piece->leaf_area * area;
+        sum->area += area, sum->seen += piece->seen;
+        sum->distance = fminf(sum->distance, piece->distance);
     }
-    float span = fmaxf(FINEST * canvas->radius, PLATE_SPAN * (least - canvas->radius));
-    if (!flat || !(sum.seen < span * span)) {
+    Vec3 *means[] = {&sum->center, &sum->ambient, &sum->direct, &sum->albedo, &sum->emission};
+    for (uint32_t k = 0; k < sizeof means / sizeof *means; k++)
+        *means[k] = vec3_scale(*means[k], 1 / sum->area);
+    sum->visible /= sum->area, sum->leaf_area /= sum->area;
+    return true;
+}
+
+/* A block of pieces is one plate where that is fine enough; else its quarters are asked. Even where each of four is a
+ * plate, they share their light, which does not change as fast as what is seen of them. */
+static void add_pieces(Canvas *canvas, const Piece *pieces, uint32_t count)
+{
+    const ChiaroWorld *world = canvas->world;
+    Piece sum;
+    bool flat = join_pieces(pieces, count, &sum);
+    float span = fmaxf(FINEST * canvas->radius, PLATE_SPAN * (sum.distance - canvas->radius));
+    if (flat && sum.seen < span * span) {
+        add_plate(canvas, &sum, near_radiance(world, &sum));
+    } else if (count > 4) {
         for (uint32_t k = 0; k < 4; k++)
             add_pieces(canvas, pieces + k * (count / 4), count / 4);
-        return;
+    } else {
+        Vec3 shared = flat ? near_radiance(world, &sum) : vec3(0, 0, 0);
+        for (uint32_t k = 0; k < count; k++) {
+            if (pieces[k].area > 0)
+                add_plate(canvas, &pieces[k], flat ? shared : near_radiance(world, &pieces[k]));
+        }
     }
-    Vec3 *means[] = {&sum.center, &sum.ambient, &sum.direct, &sum.albedo, &sum.emission};
-    for (uint32_t k = 0; k < sizeof means / sizeof *means; k++)
-        *means[k] = vec3_scale(*means[k], 1 / sum.area);
-    sum.visible /= sum.area, sum.leaf_area /= sum.area;
-    add_plate(canvas, &sum);
 }
 
 /* A ray's surface: what is far of it is painted; what is near becomes a piece. */

@@ -13,9 +13,10 @@
 enum { ROUND_NONE, ROUND_OBJECTS, ROUND_LISTS, ROUND_BLOCKERS, ROUND_PAINT };
 
 /* Kinds of items, as the kernel learns what they take; units of each, by measurement about a microsecond. */
-enum { KIND_PAINT = ROUND_PAINT, KIND_PAINT_STATIC, KIND_SHOWN };
-enum { PAINT_UNITS = 16, PAINT_STATIC_UNITS = 100, SLICE_UNITS = 8, OBJECTS_A_UNIT = 16, LISTS_A_UNIT = 1,
-       BLOCKERS_A_UNIT = 1 };
+enum { KIND_PAINT = ROUND_PAINT, KIND_PAINT_STATIC, KIND_SHOWN, KIND_LAY };
+enum { PAINT_UNITS = 16, PAINT_STATIC_UNITS = 100, OBJECTS_A_UNIT = 16, LISTS_A_UNIT = 1, BLOCKERS_A_UNIT = 1 };
+/* Units of a slice; where jobs share it, it is worth their while. */
+enum { SLICE_UNITS = 8, BLOCKERS_SLICE = 2, SHARED_SLICE = 256 };
 
 /* What objects do to static surfaces is seen at once, but the rest of the frame is not only for it. */
 static const float SHOWN_URGENCY = 1;
@@ -73,10 +74,18 @@ static ChiaroNeighbourObject neighbour_of(const ChiaroWorld *world, const Body *
 /* What is left of the stage is due. */
 static void ask_for_stage(ChiaroWorld *world)
 {
+    bool shared = world->stage == ROUND_LISTS && world->desc.jobs.parallel_for;
     static const uint32_t a_unit[] = {1, OBJECTS_A_UNIT, LISTS_A_UNIT, BLOCKERS_A_UNIT};
-    uint32_t units = 1 + (world->body_end - world->cursor) / a_unit[world->stage];
-    chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_ROUND, world->stage, 1, units,
-                      SLICE_UNITS);
+    uint32_t left = world->body_end - world->cursor;
+    if (world->stage == ROUND_BLOCKERS)
+        left = chiaro_blockers_left(world, &world->grid);
+    uint32_t units = 1 + left / a_unit[world->stage];
+    bool lays = world->stage == ROUND_BLOCKERS && chiaro_blockers_lay(&world->grid);
+    chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_ROUND, lays ? KIND_LAY : world->stage,
+                      1, units,
+                      shared                           ? SHARED_SLICE
+                      : world->stage == ROUND_BLOCKERS ? BLOCKERS_SLICE
+                                                       : SLICE_UNITS);
 }
 
 static void enter_stage(ChiaroWorld *world, uint32_t stage)
@@ -259,9 +268,12 @@ static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t *painted)
 /* The grid that is shown follows, if somebody looks at it. */
 static void ask_for_shown(ChiaroWorld *world)
 {
-    if (world->shown_building || (world->shown_wanted && world->shown_stale))
-        chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_SHOWN, KIND_SHOWN, SHOWN_URGENCY,
-                          1 + world->body_end / BLOCKERS_A_UNIT, SLICE_UNITS);
+    if (!world->shown_building && world->shown_wanted && world->shown_stale)
+        chiaro_blockers_show(world, 0);
+    if (world->shown_building)
+        chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_SHOWN,
+                          chiaro_blockers_lay(&world->shown) ? KIND_LAY : KIND_SHOWN, SHOWN_URGENCY,
+                          1 + chiaro_blockers_left(world, &world->shown) / BLOCKERS_A_UNIT, BLOCKERS_SLICE);
 }
 
 static void work_on_shown(ChiaroWorld *world, uint32_t units)

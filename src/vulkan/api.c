@@ -41,7 +41,8 @@ static ChiaroResult check_desc(ChiaroVulkan *context)
     if (!desc->sample_code != !desc->sample_code_size || desc->sample_code_size % 4 != 0 ||
         ((desc->sample_code || desc->shadow_layout) && !desc->light_only))
         return refuse(context, "sample_code, its size, shadow_layout: with light_only, whole words");
-    if (!desc->light_only && !desc->render_pass && (desc->color_format == VK_FORMAT_UNDEFINED || desc->depth_format == VK_FORMAT_UNDEFINED))
+    bool formats = desc->color_format != VK_FORMAT_UNDEFINED && desc->depth_format != VK_FORMAT_UNDEFINED;
+    if (!desc->light_only && !desc->render_pass && !formats)
         return refuse(context, "either render_pass, or color_format and depth_format");
     if (desc->face_shadow_size < MIN_SHADOW_SIZE || desc->face_shadow_size > MAX_SHADOW_SIZE)
         return refuse(context, "face_shadow_size");
@@ -502,7 +503,8 @@ static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features,
     const char *no_sky = !context->sky.set ? "no sky" : hosts;
     add_feature(&list, "sky background", no_sky ? no_sky : full ? NULL : "only the full component has it",
                 "the sky is set", context->sky.bytes);
-    add_feature(&list, "tone map", hosts ? hosts : context->settings.tone_map ? NULL : "linear radiance is wanted", "turned on", 0);
+    const char *linear = context->settings.tone_map ? NULL : "linear radiance is wanted";
+    add_feature(&list, "tone map", hosts ? hosts : linear, "turned on", 0);
     *count = list.count;
 }
 

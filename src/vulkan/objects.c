@@ -32,9 +32,6 @@ _Static_assert(sizeof(ChiaroWorldBlocker) == 4 * CHIARO_BLOCKER_WORDS &&
                    offsetof(ChiaroWorldBlocker, emission) == 4 * CHIARO_BLOCKER_EMISSION &&
                    offsetof(ChiaroWorldBlocker, object) == 4 * CHIARO_BLOCKER_OBJECT,
                "words of a blocker");
-_Static_assert(CHIARO_BLOCKER_NEAR == CHIARO_NEAR && CHIARO_BLOCKER_REACH == CHIARO_REACH &&
-                   CHIARO_BLOCKER_GAP == (float)CHIARO_GAP,
-               "constants of blockers");
 _Static_assert(sizeof(ChiaroObjectVertex) == 36, "vertex input of objects");
 _Static_assert(CHIARO_GPU_CUBE_UNORM8 == CHIARO_CUBE_UNORM8 && CHIARO_GPU_CUBE_HALF == CHIARO_CUBE_HALF &&
                    CHIARO_GPU_CUBE_SHARED == CHIARO_CUBE_SHARED_EXPONENT,
@@ -659,8 +656,9 @@ void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info
     if (!state->arena || is_idle(context))
         return;
     /* The frames before may still read what is written now. */
-    chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT,
-                          0, VK_PIPELINE_STAGE_TRANSFER_BIT, 0);
+    const VkPipelineStageFlags readers = VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT |
+                                         VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT;
+    chiaro_record_barrier(context, commands, readers, 0, VK_PIPELINE_STAGE_TRANSFER_BIT, 0);
     if (state->show_changed || state->moves != chiaro_world_moves(state->world))
         follow_objects(context, commands);
     follow_shadows(context);
@@ -673,8 +671,7 @@ void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info
         fade_cubes(context, commands);
         chiaro_vulkan_lap(context, LAP_CUBES);
     }
-    chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT,
-                          VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT,
+    chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT, readers,
                           VK_ACCESS_SHADER_READ_BIT);
 }
 

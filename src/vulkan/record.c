@@ -272,7 +272,8 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands, const
     if (bounce) {
         chiaro_bounce_record(context, commands, info);
         chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT,
-                VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT);
+                VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT |
+                    VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT);
     }
     if (gi && !chiaro_bounce_busy(context))
         chiaro_objects_read_back(context, commands);
