@@ -46,7 +46,7 @@ carry() {
     k=0
     for place in 1.0,0.6,4.6 1.2,1.6,4.2 2.8,4.0,2.0 4.6,1.0,1.2 1.9,2.4,1.6 0.8,3.5,2.6 4.4,4.4,4.6 2.8,3.0,0.8; do
         k=$((k + 1))
-        picture "cornell-$1-$k" "$out/cornell.glb" --add "$1,$place,0.7" --eye 2.78,2.73,-8 --target "$place" --fov 8 --size 160x160
+        picture "cornell-$1-$k" "$out/cornell.glb" --add "$1,$place,0.7" --eye 2.8,4.4,0.2 --target "$place" --fov 24 --size 128x128
         number relrmse "$out/cornell-$1-$k.objects.json"
     done > "$out/cornell-$1.txt"
     printf 'cornell, %-13s: eight places: median relRMSE %.4f, worst %.4f; %s\n' "$1" "$(median < "$out/cornell-$1.txt")" \

@@ -32,9 +32,6 @@ _Static_assert(sizeof(ChiaroWorldBlocker) == 4 * CHIARO_BLOCKER_WORDS &&
                    offsetof(ChiaroWorldBlocker, emission) == 4 * CHIARO_BLOCKER_EMISSION &&
                    offsetof(ChiaroWorldBlocker, object) == 4 * CHIARO_BLOCKER_OBJECT,
                "words of a blocker");
-_Static_assert(CHIARO_BLOCKER_NEAR == CHIARO_NEAR && CHIARO_BLOCKER_REACH == CHIARO_REACH &&
-                   CHIARO_BLOCKER_GAP == (float)CHIARO_GAP,
-               "constants of blockers");
 _Static_assert(sizeof(ChiaroObjectVertex) == 36, "vertex input of objects");
 _Static_assert(CHIARO_GPU_CUBE_UNORM8 == CHIARO_CUBE_UNORM8 && CHIARO_GPU_CUBE_HALF == CHIARO_CUBE_HALF &&
                    CHIARO_GPU_CUBE_SHARED == CHIARO_CUBE_SHARED_EXPONENT,
