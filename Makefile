@@ -58,7 +58,7 @@ PLUGIN := $(B)/chiaro_plugin.so
 SHARED := $(B)/libchiaro.so.$(VERSION)
 BAKE_LIBRARY := $(B)/libchiaro_bake.a
 
-.PHONY: all help deps test bench demo doc install clean shaders
+.PHONY: all help deps test bench report demo doc install clean shaders
 all: $(LIBRARY) $(SHARED) $(PLUGIN) $(BAKE_LIBRARY) $(PROGRAMS) $(EMBEDS)
 
 help: ## this list
@@ -180,10 +180,15 @@ test: all $(TESTS) ## build and run every test
 demo: all ## the main job [SCENE=file.glb] [OPTIONS='--light ...']: bake, render, trace, compare; pictures in build/demo
 	@samples/demo.sh $(B) "$(SCENE)" $(OPTIONS)
 
-bench: all ## error and cost for K = 8 .. 64 beside three baselines, and of 1,000 objects beside the article's form
+bench: all ## error and cost: K = 8 .. 64 beside three baselines, cubes, objects, 1,000 of them beside the article's form
 	@VK_DRIVER_FILES=$${VK_DRIVER_FILES:-$$(ls /usr/share/vulkan/icd.d/lvp_icd*.json | head -n 1)} \
 	 XDG_CACHE_HOME=$(B)/bench $(B)/bin/chiaro-bench $(B)/bench
+	@$(B)/bin/chiaro-bench-cubes
 	@$(B)/bin/chiaro-bench-objects
+	@samples/report.sh $(B)
+
+report: all ## moving objects beside the path tracer: pictures in build/report, errors, frame times
+	@samples/report.sh $(B)
 
 endif
 

@@ -469,15 +469,15 @@ float chiaro_sphere_form(vec3 way, vec3 normal, float radius)
     float away = length(way), cosine = clamp(dot(normal, way) / max(away, 1e-20), -1, 1);
     if (away <= radius)
         return (1 + cosine) / 2;
-    float ratio = radius / away;
+    float ratio = min(radius / away, 1); /* quotients and roots are not exact everywhere */
     if (cosine >= ratio)
         return ratio * ratio * cosine;
     if (cosine <= -ratio)
         return 0;
     /* Across the horizon (Howell's catalogue, B-19). */
-    float sine = sqrt(1 - cosine * cosine), x = sqrt((1 - ratio) * (1 + ratio)) / ratio;
-    float y = clamp(-x * cosine / sine, -1, 1), root = sqrt(1 - y * y);
-    return max(0, (ratio * ratio * (cosine * acos(y) - x * sine * root) + atan(sine * root / x)) / chiaro_pi);
+    float sine = sqrt(max(1 - cosine * cosine, 1e-12)), x = sqrt((1 - ratio) * (1 + ratio)) / ratio;
+    float y = clamp(-x * cosine / sine, -1, 1), root = sqrt(max(1 - y * y, 0));
+    return max(0, (ratio * ratio * (cosine * acos(y) - x * sine * root) + atan(sine * root / max(x, 1e-12))) / chiaro_pi);
 }
 
 /* Angle under which an edge is seen, times the cosine of its plane's normal: Lambert's sum over edges. */
@@ -519,7 +519,7 @@ vec3 chiaro_blocker_vector(uint word)
 /* What a ball shines with against a way from the receiver. */
 vec3 chiaro_ball_shine(uint first, vec3 way)
 {
-    vec3 w = normalize(way);
+    vec3 w = way / max(length(way), 1e-20);
     uvec3 axis = first + CHIARO_BLOCKER_RADIANCE + uvec3(w.x > 0 ? 3 : 0, w.y > 0 ? 9 : 6, w.z > 0 ? 15 : 12);
     return w.x * w.x * chiaro_blocker_vector(axis.x) + w.y * w.y * chiaro_blocker_vector(axis.y) +
            w.z * w.z * chiaro_blocker_vector(axis.z);
@@ -541,7 +541,7 @@ float chiaro_blocker_form(uint first, vec3 way, vec3 normal, float radius, out v
 float chiaro_take_object(float form, vec3 given, vec3 emitted, inout vec3 bounce)
 {
     float left = 1 - min(1, form);
-    bounce += chiaro_pi * mix(emitted, given, min(1, CHIARO_GAP * sqrt(left)));
+    bounce += chiaro_pi * mix(emitted, given, min(1, CHIARO_GAP * sqrt(max(left, 0))));
     return left;
 }
 
@@ -591,10 +591,7 @@ vec3 chiaro_indirect(uint id, vec3 cavity, vec3 bent, uvec4 parts, vec4 weights)
 
 /* What objects do to a point of a static surface: irradiance' = open * irradiance + bounce. This is the part of what is
  * far, by vertex; `shine` is for the other part. `pieces`: there are objects that are more than plain balls. Twin of
- * chiaro_world_blocked_far.
- *
- * Processors that run several receivers in step go through a loop once more than the busiest of them needs it, and
- * through both sides of a branch: hence loops with the test at their end. */
+ * chiaro_world_blocked_far. */
 float chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, out vec3 bounce, out vec4 shine)
 {
     vec3 corner;
@@ -603,24 +600,23 @@ float chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, out vec3 bounce, 
     float open = 1;
     bounce = vec3(0);
     shine = vec4(0);
-    do {
-        bool valid = entry < balls;
-        uint first = CHIARO_BLOCKER_WORDS * (valid ? chiaro_cells[entry] : 0);
+    for (; entry < balls; entry++) {
+        uint first = CHIARO_BLOCKER_WORDS * chiaro_cells[entry];
         vec3 way = chiaro_blocker_vector(first) - point, radiance = chiaro_ball_shine(first, way);
         float radius = uintBitsToFloat(chiaro_blockers[first + CHIARO_BLOCKER_RADIUS]);
-        float form = valid ? chiaro_sphere_form(way, normal, radius) : 0;
-        float all = chiaro_blocker_window(way, CHIARO_REACH * radius);
+        float form = chiaro_sphere_form(way, normal, radius), all = chiaro_blocker_window(way, CHIARO_REACH * radius);
         float share = all - chiaro_blocker_window(way, CHIARO_NEAR * radius);
         open *= chiaro_take_object(share * form, share * form * radiance, vec3(0), bounce);
         shine += all * form * vec4(radiance, 1);
-    } while (++entry < balls);
+    }
     if (pieces)
         open *= chiaro_sum_pieces(balls, balls + (word >> 26), true, point, normal, bounce);
     return open;
 }
 
 /* And the part of what is near, by pixel, with what the first part left of the irradiance, and its shine. Twin of
- * chiaro_world_blocked_near. */
+ * chiaro_world_blocked_near. The test is at the end of the loop: processors that run several pixels in step would go
+ * through it once more than the busiest of them needs it. */
 vec3 chiaro_blocked_near(bool pieces, vec3 point, vec3 normal, vec3 irradiance, vec4 shine)
 {
     vec3 corner, bounce = vec3(0), radiance = shine.rgb / max(shine.w, 1e-20);

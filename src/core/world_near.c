@@ -67,8 +67,11 @@ void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4])
     vec3_store(n, normal);
     for (uint32_t i = 0; i < near->ball_count; i++) {
         const NearThing *ball = &near->balls[i];
+        float radius = sqrtf(ball->area / CHIARO_PI);
+        if (vec3_dot(normal, vec3_sub(ball->center, point)) <= -radius)
+            continue; /* below the horizon */
         vec3_store(center, ball->center);
-        float form = ball->visible * chiaro_sphere_form(p, n, center, sqrtf(ball->area / CHIARO_PI));
+        float form = ball->visible * chiaro_sphere_form(p, n, center, radius);
         given = vec3_mad(given, ball->radiance, form);
         weight += form;
     }

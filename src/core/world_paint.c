@@ -383,7 +383,7 @@ static void resolve(Canvas *canvas)
             float *radiance = &canvas->radiance[4 * t + c];
             *radiance += far_open * canvas->far[t].radiance[c];
             if (cover < 1)
-                *radiance += sky * open_sky(canvas, t, cover, c);
+                *radiance += sky * (cover > 0 ? open_sky(canvas, t, cover, c) : world->sky[4 * t + c]);
         }
         canvas->radiance[4 * t + 3] = 1 - canvas->near_share[t] - near_seen;
     }
