@@ -16,9 +16,10 @@ WARNINGS := -Wall -Wextra -Wshadow -Wconversion -Werror
 C_WARNINGS := $(WARNINGS) -Wstrict-prototypes -Wmissing-prototypes
 FLAGS_release := -O2 -g -DNDEBUG
 FLAGS_debug := -O0 -g
+FLAGS_other := $(FLAGS_release)
 FLAGS_sanitize := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=undefined
 ifeq ($(FLAGS_$(config)),)
-$(error config=$(config): choose release, debug or sanitize)
+$(error config=$(config): choose release, debug, sanitize or other)
 endif
 # No contraction: the same bits from every compiler.
 COMMON := $(FLAGS_$(config)) -fPIC -fvisibility=hidden -ffp-contract=off -MMD -MP -Iinclude -I$(B) -Iglsl
@@ -52,7 +53,7 @@ LIBRARY := $(B)/libchiaro.a
 SHARED := $(B)/libchiaro.so.$(VERSION)
 BAKE_LIBRARY := $(B)/libchiaro_bake.a
 
-.PHONY: all help deps test bench demo install clean shaders
+.PHONY: all help deps test stability other bench demo install clean shaders
 all: $(LIBRARY) $(SHARED) $(BAKE_LIBRARY) $(PROGRAMS)
 
 help: ## this list
@@ -123,8 +124,17 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_COMMON) $(COMMON_SAMPLES) $(REFERENCE) $
 	$(CC) $(LDFLAGS_ALL) -o $@ $^ -lcmocka $(BAKE_LIBS) $(IO_LIBS) $(VULKAN_LIBS)
 
 # ---- jobs ------------------------------------------------------------------------------------------------------------
-test: all $(TESTS) ## build and run every test
+test: all $(TESTS) other ## build and run every test
 	@tests/run.sh $(B)
+
+stability: $(filter %/test_stability_%,$(TESTS)) other ## the table of extreme cases: expected, got, error, pass or fail
+	@tests/run.sh $(B) stability | grep -v '^\[ '
+
+# The same program from the other compiler, if there is one, to compare bits with.
+OTHER_CC := $(if $(findstring clang,$(shell $(CC) --version)),gcc,clang)
+other:
+	@if command -v $(OTHER_CC) > /dev/null; then $(MAKE) --no-print-directory config=other CC=$(OTHER_CC) \
+	  build/other/tests/test_stability_compilers; fi
 
 demo: all ## the main job [SCENE=file.glb] [OPTIONS='--light ...']: bake, render, trace, compare; pictures in build/demo
 	@samples/demo.sh $(B) "$(SCENE)" $(OPTIONS)
