@@ -8,6 +8,7 @@
 #include <cmocka.h>
 #include <string.h>
 
+#include "../src/bake/check.h"
 #include "../src/core/random.h"
 #include "../src/offline/rays.h"
 #include "chiaro/chiaro_bake.h"
@@ -367,6 +368,39 @@ static void skies_of_every_kind(void **state)
     table_end(&table);
 }
 
+/* ------------------------------------------------------------------------------------------------------------------
+ * The laws that chiaro-bake --check reports
+ */
+
+static void a_bake_keeps_the_laws_of_light(void **state)
+{
+    Table table = table_begin("bakes: what chiaro-bake --check reports");
+    static const char *const names[2] = {"closed room", "yard"};
+    for (int k = 0; k < 2; k++) {
+        const Bake *bake = (Bake *)*state + k;
+        ChiaroBakeCheck check;
+        char name[64];
+        assert_int_equal(chiaro_check_bake(&bake->transport, &check), CHIARO_OK);
+        snprintf(name, sizeof name, "%s: furnace, mean of samples", names[k]);
+        table_near(&table, name, 1, check.furnace_samples_mean, 1e-3);
+        snprintf(name, sizeof name, "%s: furnace, mean of receivers", names[k]);
+        table_near(&table, name, 1, check.furnace_receivers_mean, 1e-3);
+        snprintf(name, sizeof name, "%s: furnace, rms of receivers", names[k]);
+        table_most(&table, name, check.furnace_receivers_rms, 0.01);
+        snprintf(name, sizeof name, "%s: flux that lands, of what leaves, most", names[k]);
+        table_put(&table, name, 1, check.landed_most, fmax(0, check.landed_most - 1), 0.03);
+        if (k == 0) {
+            table_near(&table, "closed room: flux that lands, of what leaves, least", 1, check.landed_least, 0.03);
+            table_most(&table, "closed room: reciprocity between groups of patches", check.reciprocity, 0.2);
+        }
+        snprintf(name, sizeof name, "%s: sum of two lamps against both", names[k]);
+        table_most(&table, name, check.sum_of_lights, 1e-4);
+        snprintf(name, sizeof name, "%s: a lamp a thousand times as bright", names[k]);
+        table_most(&table, name, check.scaled_light, 1e-5);
+    }
+    table_end(&table);
+}
+
 static int open_bakes(void **state)
 {
     Bake *bakes = new_array(2, sizeof *bakes);
@@ -394,6 +428,7 @@ int main(void)
         cmocka_unit_test(a_lamp_that_comes_near_gives_the_closed_form),
         cmocka_unit_test(lights_that_cannot_be_are_refused),
         cmocka_unit_test(skies_of_every_kind),
+        cmocka_unit_test(a_bake_keeps_the_laws_of_light),
     };
     return cmocka_run_group_tests(tests, open_bakes, close_bakes);
 }
