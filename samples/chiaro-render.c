@@ -3,6 +3,7 @@
 #include "../src/core/vec.h"
 #include "../src/io/io.h"
 #include "common/baked.h"
+#include "common/circle.h"
 #include "common/device.h"
 #include "common/json.h"
 #include "common/moving.h"
@@ -17,9 +18,6 @@ enum { WARM_UP_FRAMES = 2, MAX_FRAMES = 100000, FRAMES_A_TURN = 60, FEATURES = 3
 
 /* Objects are settled when so many updates in a row changed nothing: read-back and shadows take a few. */
 enum { SETTLED_FRAMES = 12, MOST_SETTLE_FRAMES = 100000 };
-
-/* A sun that is moved sways by this much. */
-#define SUN_SWAY 0.05f
 
 static const char help[] =
     "Usage: chiaro-render SCENE.(gltf|glb|chiaro) -o FILE.(exr|png) [options]\n"
@@ -189,13 +187,8 @@ static void move_lights(const Job *job, Run *run, uint32_t frame, bool last)
     for (uint32_t i = 0; i < run->light_count; i++) {
         ChiaroLight *light = &run->moved[i];
         *light = run->lights[i];
-        if (last)
-            continue;
-        Vec3 way = vec3(cosf(turn), 0, sinf(turn));
-        if (light->type == CHIARO_LIGHT_SUN)
-            vec3_store(light->direction, vec3_normalize(vec3_mad(vec3_load(light->direction), way, SUN_SWAY)));
-        else
-            vec3_store(light->position, vec3_mad(vec3_load(light->position), way, job->move));
+        if (!last)
+            circle_move(light, job->move, turn);
     }
     check_chiaro(job, run->api->lights_set(run->chiaro, run->moved, run->light_count));
 }
