@@ -8,6 +8,7 @@
 #include "common/json.h"
 #include "common/moving.h"
 #include "common/options.h"
+#include "common/report.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -28,6 +29,9 @@ static const char help[] =
     "  --links K            of the bake: multiply-adds a receiver, 1 to 128 (32)\n"
     "  --samples M          of the bake: surface samples, 64 to 65536 (from the scene)\n"
     "  --rays R             of the bake: rays a receiver, 16 to 65536 (from the scene)\n"
+    "  --budget-ms MS       settings of the bake with the least error whose frame takes at most so\n"
+    "                       long, as chiaro-report has measured it on this machine ...\n"
+    "  --report FILE.csv    ... and written it (report/report.csv)\n"
     "  --frames N           frames that are timed, after two to warm up; the last one is written (1)\n"
     "  --move-lights R      moves every light on a circle of radius R, frame by frame; the last frame has them in place\n"
     "  --time-step S        animations play: seconds from frame to frame, from --time on (0)\n"
@@ -50,7 +54,8 @@ typedef struct Job {
     ChiaroVulkanSettings settings;
     MovingDesc moving;
     uint32_t frames;
-    float move, sway, step, exposure;
+    float move, sway, step, exposure, budget_ms;
+    const char *report;
 } Job;
 
 typedef struct Timing {
@@ -114,6 +119,10 @@ static bool take_own(Job *job, int argc, char **argv, int *i)
         job->bake.samples = options_uint(options, argc, argv, i, CHIARO_MIN_SAMPLES, CHIARO_MAX_SAMPLES);
     else if (strcmp(word, "--rays") == 0)
         job->bake.rays = options_uint(options, argc, argv, i, 16, CHIARO_MAX_RAYS);
+    else if (strcmp(word, "--budget-ms") == 0)
+        job->budget_ms = options_float(options, argc, argv, i, 0.001f, 1e6f);
+    else if (strcmp(word, "--report") == 0)
+        job->report = options_text(options, argc, argv, i);
     else if (strcmp(word, "--frames") == 0)
         job->frames = options_uint(options, argc, argv, i, 1, MAX_FRAMES);
     else if (strcmp(word, "--move-lights") == 0)
@@ -141,12 +150,26 @@ static bool take_own(Job *job, int argc, char **argv, int *i)
     return true;
 }
 
+/* What fits the budget, from a report. */
+static void choose_settings(Job *job)
+{
+    ReportPoint choice;
+    const char *fault;
+    if (job->bake.links || job->bake.samples || job->bake.rays)
+        options_fail(&job->options, CHIARO_EXIT_USAGE, "--budget-ms chooses --links, --samples and --rays itself");
+    if (!report_read_choice(job->report, (double)job->budget_ms, &choice, &fault))
+        options_fail(&job->options, CHIARO_EXIT_INPUT, "%s: %s", job->report, fault);
+    job->bake.links = choice.links, job->bake.samples = choice.asked_samples;
+    job->bake.receivers = choice.asked_receivers, job->bake.rays = choice.asked_rays;
+}
+
 static Job take_options(int argc, char **argv)
 {
     Job job = {.options = {.program = "chiaro-render", .usage = help},
                .bake = {.struct_size = sizeof(ChiaroBakeDesc)},
                .settings = {.struct_size = sizeof(ChiaroVulkanSettings)},
-               .frames = 1};
+               .frames = 1,
+               .report = "report/report.csv"};
     const SceneOptions *options = &job.options;
     for (int i = 1; i < argc; i++)
         if (!options_take(&job.options, argc, argv, &i) && !take_own(&job, argc, argv, &i))
@@ -157,6 +180,8 @@ static Job take_options(int argc, char **argv)
         options_fail(options, CHIARO_EXIT_USAGE, "-o is missing");
     if (!ends_with(options->output, ".exr") && !ends_with(options->output, ".png"))
         options_fail(options, CHIARO_EXIT_USAGE, "-o wants a name in .exr or .png, not '%s'", options->output);
+    if (job.budget_ms > 0)
+        choose_settings(&job);
     if (ends_with(options->input, ".chiaro") && (job.bake.links || job.bake.samples || job.bake.rays))
         options_fail(options, CHIARO_EXIT_USAGE, "--links, --samples and --rays are for a scene that is yet to be baked");
     job.bake.seed = (uint32_t)options->seed;

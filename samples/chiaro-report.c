@@ -7,7 +7,8 @@
 static const char help[] =
     "Usage: chiaro-report SCENE.(gltf|glb)... -o FOLDER [options]\n"
     "Bakes, renders and traces scenes with many settings in one run, and writes FOLDER/index.html, report.csv and\n"
-    "report.json: error against frame time, error by cause, light that is late, baselines, how cost grows.\n"
+    "report.json: error against frame time, error by cause, light that is late, objects that move, baselines, how cost\n"
+    "grows.\n"
     "  --quick         small bakes, few paths: minutes instead of hours\n"
     "  --no-scaling    leaves out how cost grows\n"
     "  --suggest MS    prints, for each scene, the settings with the least error whose frame takes at most so long here\n";
@@ -34,8 +35,6 @@ static Report take_options(int argc, char **argv)
         options_fail(options, CHIARO_EXIT_USAGE, "which scene?");
     if (!options->output || strlen(options->output) > REPORT_PATH / 2)
         options_fail(options, CHIARO_EXIT_USAGE, "-o FOLDER is missing, or too long");
-    if (options->dynamic_count || options->placed_count || options->added_count)
-        options_fail(options, CHIARO_EXIT_USAGE, "objects are not for reports");
     report.folder = options->output;
     report.scaling = scaling;
     return report;
@@ -51,8 +50,9 @@ static void suggest(const Report *report)
         else if (p->links == 0)
             printf("%s: only without bounce light: --gi off (%.2f ms)\n", scene->input, p->frame.median);
         else
-            printf("%s: --links %u --samples %u --receivers %u (%.2f ms, relRMSE of indirect %.4f)\n", scene->input,
-                   p->links, p->samples, p->receivers, p->frame.median, p->indirect.relrmse);
+            printf("%s: %s: --links %u --samples %u --receivers %u --rays %u (0: the default); %.2f ms, relRMSE of indirect "
+                   "%.4f\n", scene->input, p->name, p->links, p->asked_samples, p->asked_receivers, p->asked_rays,
+                   p->frame.median, p->indirect.relrmse);
     }
 }
 

@@ -1,6 +1,7 @@
 /* A report: error against run time of a scene, and of what it could be replaced by.
  *
  *   report_scene.c      truth, bakes, pictures and times of one scene; the sweep; light that is late
+ *   report_objects.c    objects that move: cubes of all kinds and budgets
  *   report_baselines.c  what engines do instead, and the article taken literally
  *   report_scaling.c    how cost grows
  *   report_write.c      report.csv, report.json, the table and the choice for a budget
@@ -11,6 +12,7 @@
 
 #include "../../src/io/io.h"
 #include "../../src/offline/rays.h"
+#include "../../src/reference/reference.h"
 #include "chiaro/chiaro_bake.h"
 #include "metrics.h"
 #include "options.h"
@@ -31,6 +33,7 @@ typedef struct ReportTiming {
 typedef struct ReportPoint {
     char group[REPORT_TEXT], name[REPORT_TEXT];
     uint32_t links, samples, receivers; /* as they came out; 0: does not apply */
+    uint32_t asked_samples, asked_receivers, asked_rays; /* of the baker; 0: its default */
     double bake_s, bytes;
     ReportTiming frame, update; /* on the device: a frame with moving lights, and what update() recorded of it */
     double cpu_ms[REPORT_TASKS]; /* the same update on one core */
@@ -68,7 +71,10 @@ typedef struct ReportScene {
     uint32_t point_count, cause_count, picture_count;
     ReportCause causes[REPORT_CAUSES];
     ReportPicture pictures[REPORT_PICTURES];
+    float exposure; /* of all of them, stops */
     ReportSeries late; /* error of light that is so many frames late */
+    uint32_t object_count;
+    ReportPoint objects[REPORT_POINTS]; /* settings for objects: errors are of the pixels that show one */
 } ReportScene;
 
 typedef struct Report {
@@ -85,6 +91,13 @@ typedef struct Report {
 
 /* --- report_scene.c --- */
 double report_now(void); /* s */
+/* One line to stderr: what was done, and how long it took. */
+void report_tell(const Report *report, const char *what, double seconds);
+/* Median and 95th of a hundred; sorts them. */
+ReportTiming report_summarize(double *values, uint32_t count);
+/* The truth of a scene in this light. */
+void report_trace(const Report *report, const ReportScene *scene, const ChiaroScene *what, const ChiaroLight *lights,
+                  ChiaroReferenceImages *images);
 /* Bakes of the sweep, pictures, times, causes, light that is late, baselines. Ends the program with one line on failure. */
 void report_scene(Report *report, ReportScene *scene);
 ReportPoint *report_add_point(const Report *report, ReportScene *scene, const char *group, const char *name);
@@ -99,6 +112,11 @@ void *report_alloc(const Report *report, size_t count, size_t size);
 /* `direct`: radiosity of the samples of `t` straight from lights; `rays`: of the scene. */
 void report_baselines(Report *report, ReportScene *scene, const ChiaroTransport *t, const ChiaroRays *rays);
 
+/* --- report_objects.c --- */
+typedef struct ReportDevice ReportDevice;
+/* Objects of the file and the options that move over the static scene, if there are any. */
+void report_objects(Report *report, ReportScene *scene, ReportDevice *device, const ChiaroTransport *t);
+
 /* --- report_scaling.c --- */
 ReportSeries *report_add_series(Report *report, const char *title, const char *x_label, const char *y_label);
 void report_fit(ReportSeries *series);
@@ -111,7 +129,7 @@ void report_find_front(ReportScene *scene);
 const ReportPoint *report_suggest(const ReportScene *scene, double budget_ms);
 /* Writes report.csv, report.json and index.html; ends the program with one line if it cannot. */
 void report_write(const Report *report);
-/* The same choice from a report.csv, of any scene: links, samples and receivers. False: `fault` says why. */
+/* The same choice from a report.csv, of any scene: links, and what else was asked of the baker. False: `fault` says why. */
 bool report_read_choice(const char *path, double budget_ms, ReportPoint *choice, const char **fault);
 
 /* --- report_html.c --- */

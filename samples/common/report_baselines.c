@@ -280,6 +280,5 @@ void report_baselines(Report *report, ReportScene *scene, const ChiaroTransport 
     run_probes(report, scene, t, rays, irradiance);
     run_literally(report, scene, t, rays, irradiance);
     free(irradiance);
-    if (!report->options.quiet && !report->options.json)
-        fprintf(stderr, "%s: baselines, %.1f s\n", report->options.program, report_now() - begin);
+    report_tell(report, "baselines", report_now() - begin);
 }

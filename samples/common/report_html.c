@@ -34,15 +34,19 @@ static void put_text(FILE *file, const char *text)
 
 /* ---- plots -------------------------------------------------------------------------------------------------------- */
 
-/* Where numbers fall on the paper; both axes are logarithmic. */
+/* Where numbers fall on the paper. Axes are logarithmic, but for an x axis that begins at zero. */
 typedef struct Plot {
     FILE *file;
-    double low[2], high[2]; /* of x and y, as log10 */
+    bool linear;            /* the x axis */
+    double low[2], high[2]; /* of x and y, as log10 unless linear */
+    double labels[REPORT_POINTS][3]; /* left, right and base line of those that stand already */
+    uint32_t label_count;
 } Plot;
 
 static double place(const Plot *plot, int axis, double value)
 {
-    double part = (log10(value) - plot->low[axis]) / (plot->high[axis] - plot->low[axis]);
+    double at = plot->linear && axis == 0 ? value : log10(value);
+    double part = (at - plot->low[axis]) / (plot->high[axis] - plot->low[axis]);
     part = fmin(fmax(part, 0), 1);
     return axis == 0 ? LEFT + part * (WIDTH - LEFT - RIGHT) : HEIGHT - BOTTOM - part * (HEIGHT - TOP - BOTTOM);
 }
@@ -57,6 +61,10 @@ static void find_range(Plot *plot, int axis, const double *values, uint32_t coun
     }
     if (high == 0)
         low = 0.1, high = 1;
+    if (plot->linear && axis == 0) {
+        plot->low[axis] = -0.04 * high, plot->high[axis] = 1.1 * high;
+        return;
+    }
     plot->low[axis] = log10(low) - 0.12, plot->high[axis] = log10(high) + 0.12;
     if (plot->high[axis] - plot->low[axis] < 0.5) {
         double middle = (plot->high[axis] + plot->low[axis]) / 2;
@@ -64,9 +72,20 @@ static void find_range(Plot *plot, int axis, const double *values, uint32_t coun
     }
 }
 
+static void put_tick(const Plot *plot, int axis, double value)
+{
+    double p = place(plot, axis, value);
+    if (axis == 0)
+        fprintf(plot->file, "<path d=\"M%.1f %dV%d\" stroke=\"#e4e4e8\"/><text x=\"%.1f\" y=\"%d\" "
+                            "text-anchor=\"middle\">%g</text>", p, TOP, HEIGHT - BOTTOM, p, HEIGHT - BOTTOM + 15, value);
+    else
+        fprintf(plot->file, "<path d=\"M%d %.1fH%d\" stroke=\"#e4e4e8\"/><text x=\"%d\" y=\"%.1f\" "
+                            "text-anchor=\"end\">%g</text>", LEFT, p, WIDTH - RIGHT, LEFT - 5, p + 4, value);
+}
+
 static void begin_plot(const Plot *plot, const char *title, const char *x_label, const char *y_label)
 {
-    static const double steps[] = {1, 2, 5};
+    static const double steps[] = {1, 2, 5, 3, 1.5, 7, 4, 6};
     FILE *file = plot->file;
     fprintf(file, "<figure><svg width=\"%d\" height=\"%d\" viewBox=\"0 0 %d %d\" role=\"img\"><text class=\"title\" x=\"%d\" "
                   "y=\"16\">", WIDTH, HEIGHT, WIDTH, HEIGHT, LEFT);
@@ -75,18 +94,17 @@ static void begin_plot(const Plot *plot, const char *title, const char *x_label,
             WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM);
     for (int axis = 0; axis < 2; axis++) {
         double span = plot->high[axis] - plot->low[axis];
+        int marks = span > 3 ? 1 : span > 1 ? 3 : 8;
+        if (plot->linear && axis == 0) {
+            for (int k = 0; k <= 4; k++)
+                put_tick(plot, axis, k * plot->high[axis] / 1.1 / 4);
+            continue;
+        }
         for (int decade = (int)floor(plot->low[axis]); decade <= (int)ceil(plot->high[axis]); decade++) {
-            for (int k = 0; k < (span > 3 ? 1 : 3); k++) {
+            for (int k = 0; k < marks; k++) {
                 double value = steps[k] * pow(10, decade), at = log10(value);
-                if (at < plot->low[axis] || at > plot->high[axis])
-                    continue;
-                double p = place(plot, axis, value);
-                if (axis == 0)
-                    fprintf(file, "<path d=\"M%.1f %dV%d\" stroke=\"#e4e4e8\"/><text x=\"%.1f\" y=\"%d\" "
-                                  "text-anchor=\"middle\">%g</text>", p, TOP, HEIGHT - BOTTOM, p, HEIGHT - BOTTOM + 15, value);
-                else
-                    fprintf(file, "<path d=\"M%d %.1fH%d\" stroke=\"#e4e4e8\"/><text x=\"%d\" y=\"%.1f\" "
-                                  "text-anchor=\"end\">%g</text>", LEFT, p, WIDTH - RIGHT, LEFT - 5, p + 4, value);
+                if (at >= plot->low[axis] && at <= plot->high[axis])
+                    put_tick(plot, axis, value);
             }
         }
     }
@@ -105,27 +123,38 @@ static void end_plot(const Plot *plot, const char *caption)
     fputs("</figcaption></figure>\n", plot->file);
 }
 
-static void put_dot(const Plot *plot, double x, double y, const char *color, bool large, const char *label)
+/* A dot with its label, which gives way to those that stand there. */
+static void put_dot(Plot *plot, double x, double y, const char *color, bool large, const char *label)
 {
-    double px = place(plot, 0, x), py = place(plot, 1, y);
+    double px = place(plot, 0, x), py = place(plot, 1, y), width = 6.2 * (double)strlen(label), base = py - 5;
+    bool left = px + 8 + width > WIDTH - RIGHT;
+    double begin = left ? px - 8 - width : px + 8, end = begin + width;
+    for (uint32_t k = 0; k < plot->label_count; k++) {
+        const double *other = plot->labels[k];
+        if (begin < other[1] && end > other[0] && fabs(base - other[2]) < 11)
+            base = other[2] + 11, k = UINT32_MAX; /* and look again */
+        if (base > HEIGHT - BOTTOM - 2)
+            break;
+    }
+    if (plot->label_count < REPORT_POINTS) {
+        double *own = plot->labels[plot->label_count++];
+        own[0] = begin, own[1] = end, own[2] = base;
+    }
     fprintf(plot->file, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%d\" fill=\"%s\"><title>", px, py, large ? 7 : 4, color);
     put_text(plot->file, label);
-    fprintf(plot->file, "</title></circle><text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">", px > WIDTH - 170 ? px - 8 : px + 8,
-            py - 5, px > WIDTH - 170 ? "end" : "start");
+    fprintf(plot->file, "</title></circle><text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">", left ? px - 8 : px + 8, base,
+            left ? "end" : "start");
     put_text(plot->file, label);
     fputs("</text>", plot->file);
 }
 
 static void plot_series(FILE *file, const ReportSeries *series)
 {
-    Plot plot = {.file = file};
+    Plot plot = {.file = file, .linear = series->count && series->x[0] == 0};
+    const double *x = series->x;
     char caption[3 * REPORT_TEXT];
     if (series->count == 0)
         return;
-    /* Zero has no place on a logarithmic axis: it is drawn a little left of the first. */
-    double x[REPORT_VALUES];
-    for (uint32_t k = 0; k < series->count; k++)
-        x[k] = series->x[k] > 0 ? series->x[k] : 0.5;
     find_range(&plot, 0, x, series->count);
     find_range(&plot, 1, series->y, series->count);
     begin_plot(&plot, series->title, series->x_label, series->y_label);
@@ -206,7 +235,7 @@ static void plot_front(FILE *file, const ReportScene *scene, bool device)
 
 static void plot_causes(FILE *file, const ReportScene *scene)
 {
-    const int row = 26, left = 330, width = 180;
+    const int row = 26, left = 370, width = 130;
     double most = 1e-9;
     int height = row * (int)scene->cause_count + 34;
     for (uint32_t k = 0; k < scene->cause_count; k++)
@@ -305,7 +334,33 @@ static void put_table(FILE *file, const ReportScene *scene)
     fputs("</table>\n", file);
 }
 
-/* What the issue of the page is: how much better than what costs nothing, and than the article's own form. */
+static void put_object_table(FILE *file, const ReportScene *scene)
+{
+    const ReportPoint *constant = &scene->objects[scene->object_count - 1];
+    fprintf(file, "<h3>Objects that move</h3>\n<p>Pixels that show an object, against the truth of the same frame. The best "
+                  "constant is <b>%.1f times</b> as wrong as the default.</p>\n<table><tr><th>settings</th><th>frame, ms</th>"
+                  "<th>p95</th><th>update() on the CPU, ms</th><th>p95</th><th>KiB</th><th>indirect relRMSE</th>"
+                  "<th>mean ratio</th><th>p99</th></tr>\n",
+            constant->indirect.relrmse / scene->objects[0].indirect.relrmse);
+    for (uint32_t i = 0; i < scene->object_count; i++) {
+        const ReportPoint *p = &scene->objects[i];
+        fprintf(file, "<tr class=\"%s%s\"><td>", p->chosen ? "chosen " : "", p->baseline ? "baseline" : "");
+        put_text(file, p->name);
+        fputs("</td>", file);
+        put_number(file, "2", p->frame.median);
+        put_number(file, "2", p->frame.p95);
+        put_number(file, "2", p->update.median);
+        put_number(file, "2", p->update.p95);
+        put_number(file, "0", p->bytes / 1024);
+        put_number(file, "4", p->indirect.relrmse);
+        put_number(file, "4", p->indirect.mean_ratio);
+        put_number(file, "4", p->indirect.p99);
+        fputs("</tr>\n", file);
+    }
+    fputs("</table>\n", file);
+}
+
+/* What the page is for: how much better than what costs nothing, and than the article's own form. */
 static void put_verdict(FILE *file, const ReportScene *scene)
 {
     const ReportPoint *chosen = &scene->points[0], *free_of_cost = NULL, *literal = NULL, *cheapest = NULL;
@@ -378,6 +433,8 @@ void report_write_html(FILE *file, const Report *report)
         plot_series(file, &scene->late);
         fputs("</div>\n", file);
         put_table(file, scene);
+        if (scene->object_count)
+            put_object_table(file, scene);
     }
     if (report->series_count) {
         fputs("<h2>How cost grows</h2>\n", file);

@@ -238,6 +238,5 @@ void report_scaling(Report *report, const ReportScene *scene)
     double begin = report_now();
     scale_bakes(report, scene);
     scale_objects(report);
-    if (!report->options.quiet && !report->options.json)
-        fprintf(stderr, "%s: scaling, %.1f s\n", report->options.program, report_now() - begin);
+    report_tell(report, "scaling", report_now() - begin);
 }

@@ -7,8 +7,8 @@
 #include "../../src/core/tone.h"
 #include "../../src/reference/reference.h"
 #include "circle.h"
-#include "device.h"
 #include "picture.h"
+#include "report_device.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -60,9 +60,7 @@ typedef struct Lane {
 typedef struct Bench {
     Report *report;
     ReportScene *scene;
-    Host host;
-    const ChiaroVulkanApi *api;
-    ChiaroVulkanDraw draw;
+    ReportDevice device;
     Lane lanes[LANES];
     uint32_t lane_count, frames;
     ChiaroLight *moved;
@@ -85,19 +83,7 @@ void *report_alloc(const Report *report, size_t count, size_t size)
     return memory;
 }
 
-static void check_host(const Bench *bench, bool good)
-{
-    if (!good)
-        options_fail(&bench->report->options, CHIARO_EXIT_DEVICE, "%s", bench->host.error);
-}
-
-static void check_result(const Bench *bench, ChiaroResult result)
-{
-    if (result != CHIARO_OK)
-        options_fail(&bench->report->options, CHIARO_EXIT_DEVICE, "%s: %s", bench->scene->input, chiaro_result_text(result));
-}
-
-static void tell(const Report *report, const char *what, double seconds)
+void report_tell(const Report *report, const char *what, double seconds)
 {
     if (!report->options.quiet && !report->options.json)
         fprintf(stderr, "%s: %s, %.1f s\n", report->options.program, what, seconds);
@@ -131,9 +117,16 @@ void report_add_picture(const Report *report, ReportScene *scene, const ChiaroIo
     ReportPicture *shown = &scene->pictures[scene->picture_count++];
     size_t count = (size_t)picture->width * picture->height;
     snprintf(shown->title, sizeof shown->title, "%s", title);
+    /* The truth, which comes first, sets the exposure: its mean becomes a middle grey. */
+    if (scene->picture_count == 1) {
+        double sum = 0;
+        for (size_t i = 0; i < picture->channels * count; i++)
+            sum += i % picture->channels < 3 ? (double)picture->pixels[i] : 0;
+        scene->exposure = sum > 0 ? (float)log2(0.18 * 3 * (double)count / sum) : 0;
+    }
     shown->image = (ChiaroIoImage){picture->width, picture->height, 3, report_alloc(report, 3 * count, sizeof(float))};
     for (size_t i = 0; i < count; i++)
-        chiaro_tone_map(picture->pixels + picture->channels * i, 1, shown->image.pixels + 3 * i);
+        chiaro_tone_map(picture->pixels + picture->channels * i, scene->exposure, shown->image.pixels + 3 * i);
 }
 
 static void add_error_picture(const Report *report, ReportScene *scene, const ChiaroIoImage *picture, const char *title)
@@ -150,14 +143,15 @@ static void add_error_picture(const Report *report, ReportScene *scene, const Ch
 
 /* ---- truth -------------------------------------------------------------------------------------------------------- */
 
-static void trace(const Report *report, const ReportScene *scene, const ChiaroLight *lights, uint32_t spp,
+void report_trace(const Report *report, const ReportScene *scene, const ChiaroScene *what, const ChiaroLight *lights,
                   ChiaroReferenceImages *images)
 {
     const SceneOptions *options = &report->options;
     ChiaroReference *reference;
-    ChiaroReferenceDesc desc = {.camera = scene->camera, .width = options->width, .height = options->height, .spp = spp,
+    ChiaroReferenceDesc desc = {.camera = scene->camera, .width = options->width, .height = options->height,
+                                .spp = report->quick ? 256 : 1024,
                                 .seed = (uint32_t)options->seed, .threads = (uint32_t)options->threads};
-    ChiaroResult result = chiaro_reference_create(&scene->read.scene, lights, scene->light_count,
+    ChiaroResult result = chiaro_reference_create(what, lights, scene->light_count,
                                                   report->sky.radiance ? &report->sky : NULL, NULL, &reference);
     if (result == CHIARO_OK)
         result = chiaro_reference_render(reference, &desc, images);
@@ -166,13 +160,11 @@ static void trace(const Report *report, const ReportScene *scene, const ChiaroLi
     chiaro_reference_destroy(reference);
 }
 
-static uint32_t truth_paths(const Report *report) { return report->quick ? 256 : 1024; }
-
 static void make_truth(const Report *report, ReportScene *scene)
 {
     ChiaroReferenceImages images;
     double begin = report_now();
-    trace(report, scene, scene->lights, truth_paths(report), &images);
+    report_trace(report, scene, &scene->read.scene, scene->lights, &images);
     for (int c = 0; c < CHIARO_COMPONENT_COUNT; c++) {
         size_t floats = 4 * (size_t)report->options.width * report->options.height;
         scene->truth[c] = (ChiaroIoImage){report->options.width, report->options.height, 4,
@@ -182,7 +174,7 @@ static void make_truth(const Report *report, ReportScene *scene)
     }
     chiaro_reference_free_images(&images);
     scene->truth_s = report_now() - begin;
-    tell(report, "truth", scene->truth_s);
+    report_tell(report, "truth", scene->truth_s);
 }
 
 /* ---- bakes and pictures ------------------------------------------------------------------------------------------- */
@@ -206,61 +198,35 @@ static void bake_lane(Bench *bench, Lane *lane, const Setting *setting, const Ch
         lane->point->links = 0;
         return;
     }
-    check_result(bench, chiaro_bake(&bench->scene->read.scene, &desc, &lane->blob));
-    check_result(bench, chiaro_transport_open(lane->blob.data, lane->blob.size, &lane->transport, NULL));
+    report_must(&bench->device, chiaro_bake(&bench->scene->read.scene, &desc, &lane->blob));
+    report_must(&bench->device, chiaro_transport_open(lane->blob.data, lane->blob.size, &lane->transport, NULL));
     lane->point->bake_s = report_now() - begin;
-    lane->point->links = setting->links;
+    lane->point->links = setting->links, lane->point->asked_samples = desc.samples;
+    lane->point->asked_receivers = desc.receivers, lane->point->asked_rays = desc.rays;
     lane->point->samples = lane->transport.sample_count, lane->point->receivers = lane->transport.receiver_count;
-    tell(report, setting->name, lane->point->bake_s);
+    report_tell(report, setting->name, lane->point->bake_s);
 }
 
 static void load_lane(Bench *bench, Lane *lane)
 {
-    Host *host = &bench->host;
-    ChiaroVulkanDesc desc = host_chiaro_desc(host);
-    ChiaroVulkanSettings set = {.struct_size = sizeof set, .gi_off = lane->setting->gi_off};
-    check_result(bench, bench->api->create(&desc, &lane->chiaro));
-    check_result(bench, bench->api->settings_set(lane->chiaro, &set));
-    check_host(bench, host_begin(host));
-    ChiaroVulkanLoad load = {.struct_size = sizeof load, .transport = &lane->transport, .command_buffer = host->commands,
-                             .frame = host->frame};
-    check_result(bench, bench->api->scene_load(lane->chiaro, &load));
-    check_host(bench, host_submit(host));
-    check_result(bench, bench->api->sky_set(lane->chiaro, bench->report->sky.radiance ? &bench->report->sky : NULL));
+    lane->chiaro = report_load(&bench->device, &lane->transport, lane->setting->gi_off);
     ChiaroVulkanStats stats = {.struct_size = sizeof stats};
-    check_result(bench, bench->api->stats(lane->chiaro, &stats));
+    report_must(&bench->device, bench->device.api->stats(lane->chiaro, &stats));
     lane->point->bytes = (double)stats.gi_bytes;
 }
 
-static void draw_frame(Bench *bench, Lane *lane, const ChiaroLight *lights, bool read, double *frame_ms, double *update_ms)
+static void set_lights(const Bench *bench, const Lane *lane, const ChiaroLight *lights)
 {
-    Host *host = &bench->host;
-    check_result(bench, bench->api->lights_set(lane->chiaro, lights, bench->scene->light_count));
-    double begin = report_now();
-    check_host(bench, host_begin(host));
-    ChiaroVulkanUpdate update = {.struct_size = sizeof update, .command_buffer = host->commands, .frame = host->frame,
-                                 .completed_frame = host->frame - 1};
-    host_timestamp(host, 0);
-    check_result(bench, bench->api->update(lane->chiaro, &update));
-    host_timestamp(host, 1);
-    host_begin_pass(host);
-    bench->draw.command_buffer = host->commands;
-    check_result(bench, bench->api->draw(lane->chiaro, &bench->draw));
-    host_end_pass(host);
-    if (read)
-        host_read_target(host);
-    check_host(bench, host_submit(host));
-    if (frame_ms)
-        *frame_ms = 1e3 * (report_now() - begin), *update_ms = 1e3 * host_elapsed(host, 0, 1);
+    report_must(&bench->device, bench->device.api->lights_set(lane->chiaro, lights, bench->scene->light_count));
 }
 
 /* A picture of one component; its pixels are the host's, until the next frame. */
 static ChiaroIoImage show(Bench *bench, Lane *lane, const ChiaroLight *lights, ChiaroComponent component)
 {
-    ChiaroVulkanSettings set = {.struct_size = sizeof set, .gi_off = lane->setting->gi_off, .component = component};
-    check_result(bench, bench->api->settings_set(lane->chiaro, &set));
-    draw_frame(bench, lane, lights, true, NULL, NULL);
-    return (ChiaroIoImage){bench->host.width, bench->host.height, 4, bench->host.read_back.mapped};
+    report_set_component(&bench->device, lane->chiaro, component, lane->setting->gi_off);
+    set_lights(bench, lane, lights);
+    report_frame(&bench->device, lane->chiaro, true);
+    return report_pixels(&bench->device);
 }
 
 static bool sees(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
@@ -310,7 +276,7 @@ static int compare_doubles(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static ReportTiming summarize(double *values, uint32_t count)
+ReportTiming report_summarize(double *values, uint32_t count)
 {
     qsort(values, count, sizeof *values, compare_doubles);
     return (ReportTiming){values[count / 2], values[(uint64_t)(count - 1) * 95 / 100]};
@@ -320,8 +286,8 @@ static void time_lanes(Bench *bench)
 {
     const ReportScene *scene = bench->scene;
     for (uint32_t l = 0; l < bench->lane_count; l++) {
-        ChiaroVulkanSettings set = {.struct_size = sizeof set, .gi_off = bench->lanes[l].setting->gi_off};
-        check_result(bench, bench->api->settings_set(bench->lanes[l].chiaro, &set));
+        const Lane *lane = &bench->lanes[l];
+        report_set_component(&bench->device, lane->chiaro, CHIARO_COMPONENT_FULL, lane->setting->gi_off);
         bench->lanes[l].frame_ms = report_alloc(bench->report, bench->frames, sizeof(double));
         bench->lanes[l].update_ms = report_alloc(bench->report, bench->frames, sizeof(double));
     }
@@ -330,18 +296,17 @@ static void time_lanes(Bench *bench)
         for (uint32_t i = 0; i < scene->light_count; i++)
             circle_move(&bench->moved[i], TIMED_CIRCLE * bench->size, 2 * CHIARO_PI * (float)f / FRAMES_A_TURN);
         for (uint32_t l = 0; l < bench->lane_count; l++) {
-            double frame, update;
-            draw_frame(bench, &bench->lanes[l], bench->moved, false, &frame, &update);
-            if (f >= WARM_UP) {
-                bench->lanes[l].frame_ms[f - WARM_UP] = frame;
-                bench->lanes[l].update_ms[f - WARM_UP] = update;
-            }
+            Lane *lane = &bench->lanes[l];
+            set_lights(bench, lane, bench->moved);
+            ReportFrame frame = report_frame(&bench->device, lane->chiaro, false);
+            if (f >= WARM_UP)
+                lane->frame_ms[f - WARM_UP] = frame.all, lane->update_ms[f - WARM_UP] = frame.update;
         }
     }
     for (uint32_t l = 0; l < bench->lane_count; l++) {
         Lane *lane = &bench->lanes[l];
-        lane->point->frame = summarize(lane->frame_ms, bench->frames);
-        lane->point->update = summarize(lane->update_ms, bench->frames);
+        lane->point->frame = report_summarize(lane->frame_ms, bench->frames);
+        lane->point->update = report_summarize(lane->update_ms, bench->frames);
         free(lane->frame_ms);
         free(lane->update_ms);
     }
@@ -366,7 +331,7 @@ static void measure_late_light(Bench *bench)
         memcpy(bench->moved, scene->lights, scene->light_count * sizeof *bench->moved);
         for (uint32_t i = 0; i < scene->light_count; i++)
             circle_move(&bench->moved[i], radius, now);
-        trace(report, scene, bench->moved, truth_paths(report) / 2, &images);
+        report_trace(report, scene, &scene->read.scene, bench->moved, &images);
         ChiaroIoImage truth = {report->options.width, report->options.height, 4, images.pixels[CHIARO_COMPONENT_INDIRECT]};
         for (uint32_t k = 0; k < LATE; k++) {
             Metrics metrics;
@@ -381,7 +346,7 @@ static void measure_late_light(Bench *bench)
         }
         chiaro_reference_free_images(&images);
     }
-    tell(report, "light that is late", report_now() - begin);
+    report_tell(report, "light that is late", report_now() - begin);
 }
 
 /* ---- causes ------------------------------------------------------------------------------------------------------- */
@@ -422,7 +387,7 @@ static void split_causes(Bench *bench, float *const *irradiance)
     const ChiaroTransport *t = &chosen->transport;
     ChiaroReference *reference;
     double begin = report_now();
-    check_result(bench, chiaro_reference_create(&scene->read.scene, scene->lights, scene->light_count,
+    report_must(&bench->device, chiaro_reference_create(&scene->read.scene, scene->lights, scene->light_count,
                                                 report->sky.radiance ? &report->sky : NULL, NULL, &reference));
     float *exact = report_alloc(report, 3 * (size_t)t->receiver_count, sizeof *exact);
     double noise = 0, size = 0;
@@ -439,12 +404,12 @@ static void split_causes(Bench *bench, float *const *irradiance)
     ChiaroIoImage linked = draw_on_core(bench, &most->transport, irradiance[MOST_LINKS]);
     double step = difference(bench, &linked, &right), grain = size > 0 ? noise / size : 0;
     add_cause(scene, "noise of the truth", scene->noise[CHIARO_COMPONENT_INDIRECT]);
-    add_cause(scene, "interpolation over receivers (truth at each of them)",
+    add_cause(scene, "interpolation over receivers (with the truth at each)",
               report_compare(report, scene, &right, CHIARO_COMPONENT_INDIRECT).relrmse);
     /* The truth at the receivers is a little noisy: taken off, for it is known. */
-    add_cause(scene, "sampling of the bake (K = 128 against the truth at the receivers)",
+    add_cause(scene, "sampling of the bake (K = 128 against that truth)",
               sqrt(fmax(0, step * step - grain)));
-    add_cause(scene, "compression of the links (default K against K = 128)", difference(bench, &fitted, &linked));
+    add_cause(scene, "compression of the links (default against K = 128)", difference(bench, &fitted, &linked));
     ChiaroIoImage device = show(bench, &bench->lanes[0], scene->lights, CHIARO_COMPONENT_INDIRECT);
     add_cause(scene, "device against core: shadow maps, storage", difference(bench, &device, &fitted));
     if (scene->late.count > 2)
@@ -456,25 +421,10 @@ static void split_causes(Bench *bench, float *const *irradiance)
     free(right.pixels);
     free(fitted.pixels);
     free(linked.pixels);
-    tell(report, "error by cause", report_now() - begin);
+    report_tell(report, "error by cause", report_now() - begin);
 }
 
 /* ---- the scene ---------------------------------------------------------------------------------------------------- */
-
-static void open_device(Bench *bench)
-{
-    const SceneOptions *options = &bench->report->options;
-    HostDesc desc = {0};
-    check_host(bench, host_create(&bench->host, &desc));
-    check_host(bench, host_target_create(&bench->host, options->width, options->height));
-    bench->api = chiaro_vulkan_get_api(CHIARO_VULKAN_API_VERSION);
-    bench->draw = (ChiaroVulkanDraw){.struct_size = sizeof bench->draw};
-    host_camera(&bench->scene->camera, options->width, options->height, false, bench->draw.view, bench->draw.projection);
-    bench->draw.viewport = (VkViewport){0, 0, (float)options->width, (float)options->height, 0, 1};
-    bench->draw.scissor = (VkRect2D){{0, 0}, {options->width, options->height}};
-    snprintf(bench->report->device, sizeof bench->report->device, "%.120s, %.120s", bench->host.device_name,
-             bench->host.driver);
-}
 
 static void run_sweep(Bench *bench)
 {
@@ -512,7 +462,7 @@ void report_scene(Report *report, ReportScene *scene)
     ChiaroIoError error;
     ChiaroRays *rays;
     Bench bench = {.report = report, .scene = scene, .frames = report->quick ? 30 : 100};
-    if (!chiaro_io_read_gltf(scene->input, &scene->read, &error))
+    if (!chiaro_io_read_gltf_dynamic(scene->input, options->dynamic, options->dynamic_count, &scene->read, &error))
         options_fail(options, CHIARO_EXIT_INPUT, "%s", error.message);
     if (!options_camera(options, &scene->read.scene, &scene->camera))
         exit(CHIARO_EXIT_INPUT);
@@ -522,7 +472,7 @@ void report_scene(Report *report, ReportScene *scene)
         options_fail(options, CHIARO_EXIT_INPUT, "%s: the scene cannot be used", scene->input);
     bench.rays = rays;
     make_truth(report, scene);
-    open_device(&bench);
+    report_device_open(report, scene, &bench.device);
     const ChiaroScene *s = &scene->read.scene;
     Vec3 low = vec3_load(s->vertices[s->indices[0]].position), high = low;
     for (uint32_t i = 0; i < s->index_count; i++) {
@@ -533,12 +483,13 @@ void report_scene(Report *report, ReportScene *scene)
     bench.size = vec3_length(vec3_sub(high, low)) / sqrtf(3);
     run_sweep(&bench);
     report_baselines(report, scene, &bench.lanes[0].transport, rays);
+    report_objects(report, scene, &bench.device, &bench.lanes[0].transport);
     report_find_front(scene);
     for (uint32_t l = 0; l < bench.lane_count; l++) {
-        bench.api->destroy(bench.lanes[l].chiaro);
+        bench.device.api->destroy(bench.lanes[l].chiaro);
         chiaro_blob_free(&bench.lanes[l].blob);
     }
-    host_destroy(&bench.host);
+    report_device_close(&bench.device);
     chiaro_rays_destroy(rays);
     free(bench.moved);
 }

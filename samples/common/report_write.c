@@ -9,7 +9,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { LINE = 4096, COLUMNS = 22 };
+enum { LINE = 4096, COLUMNS = 25 };
 
 void report_find_front(ReportScene *scene)
 {
@@ -75,6 +75,9 @@ static void columns_of(const ReportPoint *p, double noise, Column columns[COLUMN
         {"links", p->links},
         {"samples", p->samples},
         {"receivers", p->receivers},
+        {"asked_samples", p->asked_samples},
+        {"asked_receivers", p->asked_receivers},
+        {"asked_rays", p->asked_rays},
         {"bake_s", p->bake_s},
         {"bytes", p->bytes},
         {"frame_ms", known(p->frame.median)},
@@ -98,6 +101,12 @@ static void columns_of(const ReportPoint *p, double noise, Column columns[COLUMN
     memcpy(columns, all, sizeof all);
 }
 
+/* Settings of the static scene, then those of objects. */
+static const ReportPoint *point_of(const ReportScene *scene, uint32_t i)
+{
+    return i < scene->point_count ? &scene->points[i] : &scene->objects[i - scene->point_count];
+}
+
 static void put_csv_text(FILE *file, const char *text)
 {
     fputc('"', file);
@@ -119,13 +128,14 @@ static void write_csv(FILE *file, const Report *report)
     fputc('\n', file);
     for (uint32_t s = 0; s < report->scene_count; s++) {
         const ReportScene *scene = &report->scenes[s];
-        for (uint32_t i = 0; i < scene->point_count; i++) {
-            columns_of(&scene->points[i], scene->noise[CHIARO_COMPONENT_INDIRECT], columns);
+        for (uint32_t i = 0; i < scene->point_count + scene->object_count; i++) {
+            const ReportPoint *p = point_of(scene, i);
+            columns_of(p, scene->noise[CHIARO_COMPONENT_INDIRECT], columns);
             put_csv_text(file, scene->input);
             fputc(',', file);
-            put_csv_text(file, scene->points[i].group);
+            put_csv_text(file, p->group);
             fputc(',', file);
-            put_csv_text(file, scene->points[i].name);
+            put_csv_text(file, p->name);
             for (uint32_t k = 0; k < COLUMNS; k++) {
                 fputc(',', file);
                 if (isfinite(columns[k].value))
@@ -167,13 +177,14 @@ static void write_json(FILE *file, const Report *report)
     fputs(", \"points\": [", file);
     for (uint32_t s = 0; s < report->scene_count; s++) {
         const ReportScene *scene = &report->scenes[s];
-        for (uint32_t i = 0; i < scene->point_count; i++) {
+        for (uint32_t i = 0; i < scene->point_count + scene->object_count; i++) {
+            const ReportPoint *p = point_of(scene, i);
             fputs(comma, file);
-            columns_of(&scene->points[i], scene->noise[CHIARO_COMPONENT_INDIRECT], columns);
+            columns_of(p, scene->noise[CHIARO_COMPONENT_INDIRECT], columns);
             json = json_begin(file);
             json_text(&json, "scene", scene->input);
-            json_text(&json, "group", scene->points[i].group);
-            json_text(&json, "name", scene->points[i].name);
+            json_text(&json, "group", p->group);
+            json_text(&json, "name", p->name);
             for (uint32_t k = 0; k < COLUMNS; k++)
                 json_number(&json, columns[k].name, columns[k].value);
             json_end(&json);
@@ -250,14 +261,15 @@ bool report_read_choice(const char *path, double budget_ms, ReportPoint *choice,
         uint32_t count = 0;
         while (count < 3 + COLUMNS && (fields[count] = next_field(&at)))
             count++;
-        if (count < 3 + 16)
+        if (count < 3 + COLUMNS)
             continue;
         ReportPoint point = {.links = (uint32_t)strtoul(fields[3], NULL, 10),
-                             .samples = (uint32_t)strtoul(fields[4], NULL, 10),
-                             .receivers = (uint32_t)strtoul(fields[5], NULL, 10)};
-        point.frame.median = strtod(fields[8], NULL), point.indirect.relrmse = strtod(fields[16], NULL);
-        bool sane = point.links >= 1 && point.links <= CHIARO_MAX_LINKS && point.samples >= CHIARO_MIN_SAMPLES &&
-                    point.samples <= CHIARO_MAX_SAMPLES && point.receivers >= 16 && point.receivers <= 1u << 24;
+                             .asked_samples = (uint32_t)strtoul(fields[6], NULL, 10),
+                             .asked_receivers = (uint32_t)strtoul(fields[7], NULL, 10),
+                             .asked_rays = (uint32_t)strtoul(fields[8], NULL, 10)};
+        point.frame.median = strtod(fields[11], NULL), point.indirect.relrmse = strtod(fields[19], NULL);
+        bool sane = point.links >= 1 && point.links <= CHIARO_MAX_LINKS && point.asked_samples <= CHIARO_MAX_SAMPLES &&
+                    point.asked_receivers <= 1u << 24 && point.asked_rays <= CHIARO_MAX_RAYS;
         if (sane && point.frame.median > 0 && point.frame.median <= budget_ms &&
             (!found || point.indirect.relrmse < choice->indirect.relrmse))
             *choice = point, found = true;
