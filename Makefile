@@ -53,7 +53,7 @@ LIBRARY := $(B)/libchiaro.a
 SHARED := $(B)/libchiaro.so.$(VERSION)
 BAKE_LIBRARY := $(B)/libchiaro_bake.a
 
-.PHONY: all help deps test stability other bench demo install clean shaders
+.PHONY: all help deps test stability other report bench demo install clean shaders
 all: $(LIBRARY) $(SHARED) $(BAKE_LIBRARY) $(PROGRAMS)
 
 help: ## this list
@@ -138,6 +138,13 @@ other:
 
 demo: all ## the main job [SCENE=file.glb] [OPTIONS='--light ...']: bake, render, trace, compare; pictures in build/demo
 	@samples/demo.sh $(B) "$(SCENE)" $(OPTIONS)
+
+report: all ## error against run time as a page [SCENE=file.glb] [OPTIONS='--quick --suggest 16']: build/report/index.html
+	@mkdir -p $(B)/report
+	@[ -n "$(SCENE)" ] || $(B)/bin/chiaro-scene cornell -o $(B)/report/cornell.glb
+	@mkdir -p $(B)/report/cache && XDG_CACHE_HOME=$(abspath $(B))/report/cache $(B)/bin/chiaro-report \
+	 $(if $(SCENE),"$(SCENE)",$(B)/report/cornell.glb) \
+	 -o $(B)/report $(OPTIONS)
 
 bench: all ## error and cost for K = 8 .. 64 beside three baselines, and of 1,000 objects beside the article's form
 	@VK_DRIVER_FILES=$${VK_DRIVER_FILES:-$$(ls /usr/share/vulkan/icd.d/lvp_icd*.json | head -n 1)} \

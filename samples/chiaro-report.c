@@ -11,6 +11,7 @@ static const char help[] =
     "grows.\n"
     "  --quick         small bakes, few paths: minutes instead of hours\n"
     "  --no-scaling    leaves out how cost grows\n"
+    "  --device N|NAME which Vulkan device\n"
     "  --suggest MS    prints, for each scene, the settings with the least error whose frame takes at most so long here\n";
 
 static Report take_options(int argc, char **argv)
@@ -26,6 +27,8 @@ static Report take_options(int argc, char **argv)
             report.quick = true;
         else if (strcmp(argv[i], "--no-scaling") == 0)
             scaling = false;
+        else if (strcmp(argv[i], "--device") == 0)
+            report.device_name = options_text(options, argc, argv, &i);
         else if (strcmp(argv[i], "--suggest") == 0)
             report.suggest_ms = (double)options_float(options, argc, argv, &i, 0.001f, 1e6f);
         else if (!options_take(options, argc, argv, &i))

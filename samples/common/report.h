@@ -79,7 +79,7 @@ typedef struct ReportScene {
 
 typedef struct Report {
     SceneOptions options;
-    const char *folder;
+    const char *folder, *device_name; /* NULL: any device */
     bool quick, scaling;
     double suggest_ms; /* 0: not asked for */
     ChiaroSky sky;

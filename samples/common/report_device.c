@@ -16,7 +16,7 @@ void report_must(const ReportDevice *device, ChiaroResult result)
 void report_device_open(Report *report, const ReportScene *scene, ReportDevice *device)
 {
     const SceneOptions *options = &report->options;
-    HostDesc desc = {0};
+    HostDesc desc = {.device = report->device_name};
     *device = (ReportDevice){.report = report, .input = scene->input};
     report_must_host(device, host_create(&device->host, &desc));
     report_must_host(device, host_target_create(&device->host, options->width, options->height));

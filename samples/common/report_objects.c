@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOMENTS = 3, FRAMES_TO_MOMENT = 20, SETTLE = 200, FRAMES_A_TURN = 60 };
+enum { MOMENTS = 3, FRAMES_TO_MOMENT = 20, SETTLE = 100, FRAMES_A_TURN = 60 };
 /* Of the motion's circle, of the scene's size. */
 static const float CIRCLE = 0.08f;
 
