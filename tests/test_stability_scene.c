@@ -248,7 +248,8 @@ static void an_object_of_a_million_triangles(void **state)
     ChiaroVertex *vertices = new_array(CORNERS, sizeof *vertices);
     uint32_t *indices = new_array((size_t)6 * ROWS * COLUMNS, sizeof *indices), count = 0;
     for (uint32_t v = 0; v < CORNERS; v++) {
-        float polar = CHIARO_PI * ((float)(v / COLUMNS) + 0.5f) / (ROWS + 1), turn = 2 * CHIARO_PI * (float)(v % COLUMNS) / COLUMNS;
+        float polar = CHIARO_PI * ((float)(v / COLUMNS) + 0.5f) / (ROWS + 1);
+        float turn = 2 * CHIARO_PI * (float)(v % COLUMNS) / COLUMNS;
         Vec3 way = vec3(sinf(polar) * cosf(turn), cosf(polar), sinf(polar) * sinf(turn));
         vertices[v] = (ChiaroVertex){.color = {1, 1, 1, 1}};
         vec3_store(vertices[v].position, way);

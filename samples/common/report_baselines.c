@@ -155,7 +155,8 @@ static void look_up(const Grid *grid, const ChiaroRays *rays, const ChiaroReceiv
         irradiance[c] = weight > 0 ? (float)fmax(0, sum[c] / weight) : 0;
 }
 
-static void run_probes(Report *report, ReportScene *scene, const ChiaroTransport *t, const ChiaroRays *rays, float *irradiance)
+static void run_probes(Report *report, ReportScene *scene, const ChiaroTransport *t, const ChiaroRays *rays,
+                       float *irradiance)
 {
     ChiaroReference *reference;
     Grid grid = {.low = vec3_load(t->info.bounds_min)};
@@ -204,7 +205,8 @@ static uint32_t choose_samples(const ChiaroTransport *t, const ChiaroRays *rays,
     uint32_t count = 0, taken = 0;
     for (uint32_t s = 0; s < t->sample_count; s++) {
         const ChiaroSample *sample = &t->samples[s];
-        Vec3 own = vec3_load(sample->normal), way = vec3_sub(vec3_mad(vec3_load(sample->position), own, sample->cull), place);
+        Vec3 own = vec3_load(sample->normal), target = vec3_mad(vec3_load(sample->position), own, sample->cull);
+        Vec3 way = vec3_sub(target, place);
         float square = vec3_dot(way, way), here = vec3_dot(way, normal), there = -vec3_dot(way, own);
         if (here > 0 && there > 0 && square > 0)
             all[count++] = (Candidate){here * there * sample->area / (square * (CHIARO_PI * square + sample->area)), s};

@@ -247,9 +247,9 @@ static void plot_causes(FILE *file, const ReportScene *scene)
         double bar = width * scene->causes[k].relrmse / most;
         fprintf(file, "<text x=\"%d\" y=\"%d\" text-anchor=\"end\">", left - 6, y + 15);
         put_text(file, scene->causes[k].name);
-        fprintf(file, "</text><rect x=\"%d\" y=\"%d\" width=\"%.1f\" height=\"18\" fill=\"%s\"/><text x=\"%.1f\" y=\"%d\">%.4f"
-                      "</text>", left, y + 1, bar, k + 1 == scene->cause_count ? "#d97706" : "#7aa6d8", left + bar + 5, y + 15,
-                scene->causes[k].relrmse);
+        fprintf(file, "</text><rect x=\"%d\" y=\"%d\" width=\"%.1f\" height=\"18\" fill=\"%s\"/>", left, y + 1, bar,
+                k + 1 == scene->cause_count ? "#d97706" : "#7aa6d8");
+        fprintf(file, "<text x=\"%.1f\" y=\"%d\">%.4f</text>", left + bar + 5, y + 15, scene->causes[k].relrmse);
     }
     fputs("</svg><figcaption>relRMSE of indirect. Independent causes add up by their squares.</figcaption></figure>\n", file);
 }
@@ -380,13 +380,13 @@ static void put_verdict(FILE *file, const ReportScene *scene)
     }
     fputs("<ul>", file);
     if (free_of_cost)
-        fprintf(file, "<li>Default: relRMSE of indirect %.4f (noise of the truth %.4f); the best that costs nothing, <i>%s</i>: "
-                      "%.4f, <b>%.1f times</b> as much.</li>", chosen->indirect.relrmse,
+        fprintf(file, "<li>Default: relRMSE of indirect %.4f (noise of the truth %.4f); the best that costs nothing, "
+                      "<i>%s</i>: %.4f, <b>%.1f times</b> as much.</li>", chosen->indirect.relrmse,
                 scene->noise[CHIARO_COMPONENT_INDIRECT], free_of_cost->name, free_of_cost->indirect.relrmse,
                 free_of_cost->indirect.relrmse / chosen->indirect.relrmse);
     if (literal && cheapest)
-        fprintf(file, "<li>The article literally comes to %.4f at best (K = %u, %.2f ms on one core); <i>%s</i> is as good at "
-                      "%.2f ms: <b>%.1f times</b> cheaper.</li>", literal->indirect.relrmse, literal->links,
+        fprintf(file, "<li>The article literally comes to %.4f at best (K = %u, %.2f ms on one core); <i>%s</i> is at least "
+                      "as good at %.2f ms: <b>%.1f times</b> cheaper.</li>", literal->indirect.relrmse, literal->links,
                 time_of(scene, literal, false), cheapest->name, time_of(scene, cheapest, false),
                 time_of(scene, literal, false) / time_of(scene, cheapest, false));
     fputs("</ul>\n", file);

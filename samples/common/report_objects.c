@@ -134,7 +134,8 @@ static void run_constant(const Report *report, ReportScene *scene, const Moment 
     size_t width = report->options.width, height = report->options.height;
     for (uint32_t m = 0; m < MOMENTS; m++) {
         const Moment *moment = &moments[m];
-        ChiaroIoImage picture = {(uint32_t)width, (uint32_t)height, 4, report_alloc(report, 4 * width * height, sizeof(float))};
+        float *pixels = report_alloc(report, 4 * width * height, sizeof *pixels);
+        ChiaroIoImage picture = {(uint32_t)width, (uint32_t)height, 4, pixels};
         const ChiaroCamera *camera = &scene->camera;
         Vec3 forward = vec3_load(camera->forward), up = vec3_load(camera->up), right = vec3_cross(forward, up);
         float half = tanf(camera->yfov / 2);
@@ -144,10 +145,10 @@ static void run_constant(const Report *report, ReportScene *scene, const Moment 
         for (size_t i = 0; i < width * height; i++) {
             float s = (2 * ((float)(i % width) + 0.5f) / (float)width - 1) * half * (float)width / (float)height;
             float v = (1 - 2 * ((float)(i / width) + 0.5f) / (float)height) * half, emission[3];
+            Vec3 way = vec3_normalize(vec3_mad(vec3_mad(forward, right, s), up, v));
             ChiaroHit hit;
             if (moment->mask.pixels[3 * i] < 0.5f ||
-                !chiaro_rays_hit(rays, vec3_load(camera->eye), vec3_normalize(vec3_mad(vec3_mad(forward, right, s), up, v)), 0,
-                                 INFINITY, &hit))
+                !chiaro_rays_hit(rays, vec3_load(camera->eye), way, 0, INFINITY, &hit))
                 continue;
             chiaro_surface(&moment->merged.scene, hit.part, hit.triangle, hit.u, hit.v, picture.pixels + 4 * i, emission);
             picture.pixels[4 * i + 3] = 1;
