@@ -128,7 +128,8 @@ test: all $(TESTS) other ## build and run every test
 	@tests/run.sh $(B)
 
 stability: $(filter %/test_stability_%,$(TESTS)) other ## the table of extreme cases: expected, got, error, pass or fail
-	@tests/run.sh $(B) stability | grep -v '^\[ '
+	@tests/run.sh $(B) stability > $(B)/tests/stability.txt 2>&1; status=$$?; \
+	 grep -v '^\[' $(B)/tests/stability.txt; exit $$status
 
 # The same program from the other compiler, if there is one, to compare bits with.
 OTHER_CC := $(if $(findstring clang,$(shell $(CC) --version)),gcc,clang)

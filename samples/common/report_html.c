@@ -129,11 +129,15 @@ static void put_dot(Plot *plot, double x, double y, const char *color, bool larg
     double px = place(plot, 0, x), py = place(plot, 1, y), width = 6.2 * (double)strlen(label), base = py - 5;
     bool left = px + 8 + width > WIDTH - RIGHT;
     double begin = left ? px - 8 - width : px + 8, end = begin + width;
-    for (uint32_t k = 0; k < plot->label_count; k++) {
-        const double *other = plot->labels[k];
-        if (begin < other[1] && end > other[0] && fabs(base - other[2]) < 11)
-            base = other[2] + 11, k = UINT32_MAX; /* and look again */
-        if (base > HEIGHT - BOTTOM - 2)
+    /* Down, until it is free; up, where that leads off the paper. */
+    for (double way = 11; way > -12; way -= 22) {
+        base = py - 5;
+        for (uint32_t k = 0; k < plot->label_count; k++) {
+            const double *other = plot->labels[k];
+            if (begin < other[1] && end > other[0] && fabs(base - other[2]) < 11)
+                base = other[2] + way, k = UINT32_MAX; /* and look again */
+        }
+        if (base < HEIGHT - BOTTOM - 2)
             break;
     }
     if (plot->label_count < REPORT_POINTS) {

@@ -67,15 +67,20 @@ static void make_moment(const Report *report, const ReportScene *scene, const Mo
     chiaro_reference_free_images(&images);
 }
 
-/* Errors of all moments together, by their squares. */
+/* Errors of all moments together, by their squares; sum->pixels counts the moments. One that shows no object says nothing. */
 static void add_error(const Report *report, const Moment *moment, const ChiaroIoImage *picture, Metrics *sum)
 {
     Metrics metrics;
     const char *fault;
     if (!metrics_compare(picture, &moment->truth, &moment->mask, &metrics, &fault))
         options_fail(&report->options, CHIARO_EXIT_INPUT, "%s", fault);
-    sum->relrmse = sqrt(sum->relrmse * sum->relrmse + metrics.relrmse * metrics.relrmse / MOMENTS);
-    sum->mean_ratio += metrics.mean_ratio / MOMENTS, sum->p99 += metrics.p99 / MOMENTS;
+    if (metrics.pixels == 0)
+        return;
+    double old = (double)sum->pixels, all = old + 1;
+    sum->relrmse = sqrt((sum->relrmse * sum->relrmse * old + metrics.relrmse * metrics.relrmse) / all);
+    sum->mean_ratio = (sum->mean_ratio * old + metrics.mean_ratio) / all;
+    sum->p99 = (sum->p99 * old + metrics.p99) / all;
+    sum->pixels++;
 }
 
 static ReportPoint *add_point(ReportScene *scene, const char *name)
