@@ -22,9 +22,6 @@
 enum { REPORT_TEXT = 96, REPORT_POINTS = 48, REPORT_TASKS = 5, REPORT_SERIES = 16, REPORT_VALUES = 16, REPORT_CAUSES = 8,
        REPORT_PICTURES = 12, REPORT_PATH = 1024 };
 
-/* The parts of an update on one core: light, mean, gather, mean, gather. */
-extern const char *const report_tasks[REPORT_TASKS];
-
 typedef struct ReportTiming {
     double median, p95; /* ms; negative: not measured */
 } ReportTiming;
@@ -36,7 +33,8 @@ typedef struct ReportPoint {
     uint32_t asked_samples, asked_receivers, asked_rays; /* of the baker; 0: its default */
     double bake_s, bytes;
     ReportTiming frame, update; /* on the device: a frame with moving lights, and what update() recorded of it */
-    double cpu_ms[REPORT_TASKS]; /* the same update on one core */
+    double cpu_ms[REPORT_TASKS]; /* the same update on one core: light on samples, means, gather to them, means, gather
+                                    to receivers */
     Metrics indirect, full;
     bool chosen, front, baseline;
 } ReportPoint;
@@ -118,7 +116,6 @@ typedef struct ReportDevice ReportDevice;
 void report_objects(Report *report, ReportScene *scene, ReportDevice *device, const ChiaroTransport *t);
 
 /* --- report_scaling.c --- */
-ReportSeries *report_add_series(Report *report, const char *title, const char *x_label, const char *y_label);
 void report_fit(ReportSeries *series);
 void report_scaling(Report *report, const ReportScene *scene);
 

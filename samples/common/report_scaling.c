@@ -14,7 +14,7 @@ enum { REPEATS = 5, ROUNDS = 6, SMALL_SAMPLES = 512, SMALL_RECEIVERS = 1000 };
 /* From here on a law is worse than n log n, over the ranges that are measured here. */
 static const double WORSE_THAN_N_LOG_N = 1.25;
 
-ReportSeries *report_add_series(Report *report, const char *title, const char *x_label, const char *y_label)
+static ReportSeries *add_series(Report *report, const char *title, const char *x_label, const char *y_label)
 {
     if (report->series_count == REPORT_SERIES)
         options_fail(&report->options, CHIARO_EXIT_INPUT, "too many series");
@@ -99,12 +99,12 @@ static void scale_bakes(Report *report, const ReportScene *scene)
     static const char solved[] = "a row of form factors and a solution a sample, each over the others",
                       fitted[] = "links are fitted receiver by receiver, each over the nodes that it sees";
     uint32_t steps = report->quick ? 3 : 5, cores = chiaro_core_count();
-    ReportSeries *bake_samples = report_add_series(report, "Bake against samples", "samples", "s");
-    ReportSeries *update_samples = report_add_series(report, "Update on one core against samples", "samples", "ms");
-    ReportSeries *bake_receivers = report_add_series(report, "Bake against receivers", "receivers", "s");
-    ReportSeries *update_receivers = report_add_series(report, "Update on one core against receivers", "receivers", "ms");
-    ReportSeries *lights = report_add_series(report, "Lighting of samples on one core against lights", "lights", "ms");
-    ReportSeries *threads = report_add_series(report, "Bake against threads", "threads", "s");
+    ReportSeries *bake_samples = add_series(report, "Bake against samples", "samples", "s");
+    ReportSeries *update_samples = add_series(report, "Update on one core against samples", "samples", "ms");
+    ReportSeries *bake_receivers = add_series(report, "Bake against receivers", "receivers", "s");
+    ReportSeries *update_receivers = add_series(report, "Update on one core against receivers", "receivers", "ms");
+    ReportSeries *lights = add_series(report, "Lighting of samples on one core against lights", "lights", "ms");
+    ReportSeries *threads = add_series(report, "Bake against threads", "threads", "s");
     double lighting;
     for (uint32_t k = 0; k < steps; k++) {
         Scaled s = bake(report, scene, (uint32_t)SMALL_SAMPLES << k, SMALL_RECEIVERS, cores);
@@ -214,8 +214,8 @@ static double object_bake_s(const Report *report, uint32_t triangles, ChiaroBlob
 
 static void scale_objects(Report *report)
 {
-    ReportSeries *rounds = report_add_series(report, "A round of all cubes on one core against objects", "objects", "ms");
-    ReportSeries *triangles = report_add_series(report, "Bake of an object against triangles", "triangles", "s");
+    ReportSeries *rounds = add_series(report, "A round of all cubes on one core against objects", "objects", "ms");
+    ReportSeries *triangles = add_series(report, "Bake of an object against triangles", "triangles", "s");
     uint32_t most_objects = report->quick ? 1000 : 10000, most_triangles = report->quick ? 100000 : 1000000;
     ChiaroObject object;
     ChiaroBlob blob;

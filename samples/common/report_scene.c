@@ -22,9 +22,6 @@ static const float TIMED_CIRCLE = 0.02f;
 /* Late light: speed of the lights, scene sizes a frame. At 60 frames a second of a room of 5 m that is 1.5 m/s. */
 static const float LATE_STEP = 0.005f;
 
-const char *const report_tasks[REPORT_TASKS] = {"light samples", "mean of nodes", "gather samples", "mean of nodes again",
-                                                "gather receivers"};
-
 /* Settings of the sweep, as parts of the default. */
 typedef struct Setting {
     const char *group, *name;
