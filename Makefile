@@ -16,10 +16,11 @@ WARNINGS := -Wall -Wextra -Wshadow -Wconversion -Werror
 C_WARNINGS := $(WARNINGS) -Wstrict-prototypes -Wmissing-prototypes
 FLAGS_release := -O2 -g -DNDEBUG
 FLAGS_debug := -O0 -g
+FLAGS_other := $(FLAGS_release)
 FLAGS_sanitize := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=undefined
 FLAGS_thread := -O1 -g -fsanitize=thread
 ifeq ($(FLAGS_$(config)),)
-$(error config=$(config): choose release, debug, sanitize or thread)
+$(error config=$(config): choose release, debug, sanitize, thread or other)
 endif
 # No contraction: the same bits from every compiler.
 COMMON := $(FLAGS_$(config)) -fPIC -fvisibility=hidden -ffp-contract=off -MMD -MP -Iinclude -I$(B) -Iglsl
@@ -58,7 +59,7 @@ PLUGIN := $(B)/chiaro_plugin.so
 SHARED := $(B)/libchiaro.so.$(VERSION)
 BAKE_LIBRARY := $(B)/libchiaro_bake.a
 
-.PHONY: all help deps test bench report demo doc install clean shaders
+.PHONY: all help deps test stability other bench pictures report demo doc install clean shaders
 all: $(LIBRARY) $(SHARED) $(PLUGIN) $(BAKE_LIBRARY) $(PROGRAMS) $(EMBEDS)
 
 help: ## this list
@@ -174,21 +175,38 @@ $(B)/tests/test_old_host: $(B)/obj/tests/abi/new_host.o
 $(addprefix $(B)/tests/test_,plugin old_host embed): | $(PLUGIN) $(EMBEDS)
 
 # ---- jobs ------------------------------------------------------------------------------------------------------------
-test: all $(TESTS) ## build and run every test
+test: all $(TESTS) other ## build and run every test
 	@tests/run.sh $(B)
+
+stability: $(filter %/test_stability_%,$(TESTS)) other ## the table of extreme cases: expected, got, error, pass or fail
+	@tests/run.sh $(B) stability > $(B)/tests/stability.txt 2>&1; status=$$?; \
+	 grep -v '^\[' $(B)/tests/stability.txt; exit $$status
+
+# The same program from the other compiler, if there is one, to compare bits with.
+OTHER_CC := $(if $(findstring clang,$(shell $(CC) --version)),gcc,clang)
+other:
+	@if command -v $(OTHER_CC) > /dev/null; then $(MAKE) --no-print-directory config=other CC=$(OTHER_CC) \
+	  build/other/tests/test_stability_compilers; fi
 
 demo: all ## the main job [SCENE=file.glb] [OPTIONS='--light ...']: bake, render, trace, compare; pictures in build/demo
 	@samples/demo.sh $(B) "$(SCENE)" $(OPTIONS)
+
+report: all ## error against run time as a page [SCENE=file.glb] [OPTIONS='--quick --suggest 16']: build/report/index.html
+	@mkdir -p $(B)/report
+	@[ -n "$(SCENE)" ] || $(B)/bin/chiaro-scene cornell -o $(B)/report/cornell.glb
+	@mkdir -p $(B)/report/cache && XDG_CACHE_HOME=$(abspath $(B))/report/cache $(B)/bin/chiaro-report \
+	 $(if $(SCENE),"$(SCENE)",$(B)/report/cornell.glb) \
+	 -o $(B)/report $(OPTIONS)
 
 bench: all ## error and cost: K = 8 .. 64 beside three baselines, cubes, objects, 1,000 of them beside the article's form
 	@VK_DRIVER_FILES=$${VK_DRIVER_FILES:-$$(ls /usr/share/vulkan/icd.d/lvp_icd*.json | head -n 1)} \
 	 XDG_CACHE_HOME=$(B)/bench $(B)/bin/chiaro-bench $(B)/bench
 	@$(B)/bin/chiaro-bench-cubes
 	@$(B)/bin/chiaro-bench-objects
-	@samples/report.sh $(B)
+	@samples/pictures.sh $(B)
 
-report: all ## moving objects beside the path tracer: pictures in build/report, errors, frame times
-	@samples/report.sh $(B)
+pictures: all ## moving objects beside the path tracer: pictures in build/report, errors, frame times
+	@samples/pictures.sh $(B)
 
 endif
 

@@ -3,6 +3,7 @@
 #include "common/options.h"
 #include "common/progress.h"
 
+#include "../src/bake/check.h"
 #include "../src/io/io.h"
 #include "chiaro/chiaro_bake.h"
 
@@ -12,7 +13,7 @@
 
 static const char help[] =
     "Usage: chiaro-bake IN.gltf|IN.glb -o OUT.chiaro [options]\n"
-    "       chiaro-bake --info IN.chiaro [--json]\n"
+    "       chiaro-bake --info|--check IN.chiaro [--json]\n"
     "Bakes the transport of a static scene.\n"
     "  -o FILE.chiaro  output\n"
     "  --links K       multiply-adds a receiver, 1 to 128 (32)\n"
@@ -22,6 +23,7 @@ static const char help[] =
     "  --threads N     1 to 1024 (one a core); the file does not depend on it\n"
     "  --seed S        of every random choice (0)\n"
     "  --info          tells what is in a bake\n"
+    "  --check         tells how well a bake keeps the laws of light: energy, reciprocity, linearity\n"
     "  --json          one JSON object on standard output and nothing else\n"
     "  --quiet         no progress\n"
     "  --help          this text\n"
@@ -41,14 +43,31 @@ static bool tell(const char *stage, float done, void *user)
     return progress_tell(done, user);
 }
 
-/* What is in a bake: numbers by name, for people and for programs. */
+/* Numbers by name, for people and for programs. */
+typedef struct Figure {
+    const char *key;
+    double value;
+} Figure;
+
+static void print_figures(const SceneOptions *options, const Figure *figures, size_t count)
+{
+    Json json = {0};
+    if (options->json)
+        json = json_begin(stdout);
+    for (size_t k = 0; k < count; k++) {
+        if (options->json)
+            json_number(&json, figures[k].key, figures[k].value);
+        else if (!options->quiet)
+            printf("%-24s%.6g\n", figures[k].key, figures[k].value);
+    }
+    if (options->json ? !json_end(&json) : fflush(stdout) != 0)
+        options_fail(options, CHIARO_EXIT_INPUT, "standard output cannot be written");
+}
+
 static void print_info(const SceneOptions *options, const ChiaroTransport *t, size_t bytes, double seconds)
 {
     const ChiaroTransportInfo *info = &t->info;
-    const struct {
-        const char *key;
-        double value;
-    } rows[] = {
+    const Figure figures[] = {
         {"bytes", (double)bytes},
         {"links", info->links},
         {"receiver_cost", (double)info->receiver_links}, /* multiply-adds a row and channel */
@@ -77,25 +96,33 @@ static void print_info(const SceneOptions *options, const ChiaroTransport *t, si
         {"fit_error", (double)info->fit_error},
         {"clamped_materials", info->clamped_materials},
         {"degenerate_triangles", info->degenerate_triangles},
+        {"seconds", seconds}, /* that this bake took; not known of one that was there */
     };
-    Json json = {0};
-    if (options->json)
-        json = json_begin(stdout);
-    for (size_t k = 0; k < sizeof rows / sizeof *rows; k++) {
-        if (options->json)
-            json_number(&json, rows[k].key, rows[k].value);
-        else if (!options->quiet)
-            printf("%-21s%.6g\n", rows[k].key, rows[k].value);
-    }
-    if (seconds > 0 && options->json)
-        json_number(&json, "seconds", seconds);
-    else if (seconds > 0 && !options->quiet)
-        printf("%-21s%.2f\n", "seconds", seconds);
-    if (options->json ? !json_end(&json) : fflush(stdout) != 0)
-        options_fail(options, CHIARO_EXIT_INPUT, "standard output cannot be written");
+    print_figures(options, figures, sizeof figures / sizeof *figures - (seconds > 0 ? 0 : 1));
 }
 
-static int show(const SceneOptions *options)
+static void print_check(const SceneOptions *options, const ChiaroTransport *transport)
+{
+    ChiaroBakeCheck c;
+    if (chiaro_check_bake(transport, &c) != CHIARO_OK)
+        options_fail(options, CHIARO_EXIT_INPUT, "out of memory");
+    const Figure figures[] = {
+        {"furnace_samples_mean", c.furnace_samples_mean}, /* 1: energy is kept */
+        {"furnace_samples_rms", c.furnace_samples_rms},
+        {"furnace_receivers_mean", c.furnace_receivers_mean},
+        {"furnace_receivers_rms", c.furnace_receivers_rms},
+        {"landed_least", c.landed_least}, /* 1 in a closed scene */
+        {"landed_most", c.landed_most},
+        {"reciprocity_error", c.reciprocity},
+        {"sum_of_lights_error", c.sum_of_lights},
+        {"scaled_light_error", c.scaled_light},
+        {"groups", c.groups},
+    };
+    print_figures(options, figures, sizeof figures / sizeof *figures);
+}
+
+/* Of a bake that is there: what is in it, or how good it is. */
+static int show(const SceneOptions *options, bool check)
 {
     ChiaroIoError error;
     ChiaroIoFile file;
@@ -105,7 +132,10 @@ static int show(const SceneOptions *options)
         options_fail(options, CHIARO_EXIT_INPUT, "%s", error.message);
     if (chiaro_transport_open(file.data, file.size, &transport, &log) != CHIARO_OK)
         return CHIARO_EXIT_INPUT; /* the log has said why */
-    print_info(options, &transport, file.size, 0);
+    if (check)
+        print_check(options, &transport);
+    else
+        print_info(options, &transport, file.size, 0);
     chiaro_io_unmap(&file);
     return CHIARO_EXIT_OK;
 }
@@ -146,7 +176,7 @@ int main(int argc, char **argv)
 {
     SceneOptions options = {.program = "chiaro-bake", .usage = help};
     ChiaroBakeDesc desc = {.struct_size = sizeof desc};
-    bool info = false;
+    bool info = false, check = false;
     for (int i = 1; i < argc; i++) {
         const char *word = argv[i];
         if (strcmp(word, "--help") == 0) {
@@ -154,6 +184,8 @@ int main(int argc, char **argv)
             return CHIARO_EXIT_OK;
         } else if (strcmp(word, "--info") == 0) {
             info = true;
+        } else if (strcmp(word, "--check") == 0) {
+            check = true;
         } else if (strcmp(word, "-o") == 0) {
             options.output = options_text(&options, argc, argv, &i);
         } else if (strcmp(word, "--links") == 0) {
@@ -180,5 +212,5 @@ int main(int argc, char **argv)
     }
     if (!options.input)
         options_fail(&options, CHIARO_EXIT_USAGE, "an input file is missing");
-    return info ? show(&options) : bake(&options, &desc);
+    return info || check ? show(&options, check) : bake(&options, &desc);
 }

@@ -116,23 +116,6 @@ static void bench_links(const Bench *bench, uint32_t links)
     free(picture.pixels);
 }
 
-/* The best multiple of a picture, in the least-squares sense: baselines are given the best constant there is. */
-static void scale_best(const ChiaroIoImage *reference, ChiaroIoImage *picture)
-{
-    double along = 0, size = 0;
-    size_t count = (size_t)picture->width * picture->height;
-    for (size_t i = 0; i < count; i++) {
-        for (size_t c = 0; c < 3 && picture->pixels[4 * i + 3] > 0 && reference->pixels[4 * i + 3] > 0; c++) {
-            along += (double)picture->pixels[4 * i + c] * reference->pixels[4 * i + c];
-            size += (double)picture->pixels[4 * i + c] * picture->pixels[4 * i + c];
-        }
-    }
-    for (size_t i = 0; size > 0 && i < count; i++) {
-        for (size_t c = 0; c < 3; c++)
-            picture->pixels[4 * i + c] = (float)(picture->pixels[4 * i + c] * along / size);
-    }
-}
-
 static void bench_baselines(Bench *bench)
 {
     static const char *const names[3] = {"no GI", "best constant ambient", "ambient x cavity"};
@@ -152,7 +135,7 @@ static void bench_baselines(Bench *bench)
             irradiance[i] = kind == 0 ? 0 : kind == 1 ? 1 : t->receivers[i / 3].cavity[i % 3];
         if (!picture_draw(t, &camera, SIZE, SIZE, irradiance, &picture))
             options_fail(&bench->options, CHIARO_EXIT_INPUT, "out of memory");
-        scale_best(&bench->reference, &picture);
+        metrics_scale_best(&bench->reference, &picture);
         Metrics metrics = compare(bench, &picture);
         print_row(names[kind], &metrics, ", ratio 1.00");
         free(picture.pixels);

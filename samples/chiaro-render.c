@@ -1,8 +1,10 @@
 /* Renders a scene on Vulkan: a host of the renderer, and a stop-watch. */
 #include "../src/core/vec.h"
+#include "common/circle.h"
 #include "common/json.h"
 #include "common/loaded.h"
 #include "common/picture.h"
+#include "common/report.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -13,15 +15,15 @@ enum { WARM_UP_FRAMES = 2, MAX_FRAMES = 100000, FRAMES_A_TURN = 60, FEATURES = 3
 /* Objects are settled when so many updates in a row changed nothing: read-back and shadows take a few. */
 enum { SETTLED_FRAMES = 12, MOST_SETTLE_FRAMES = 100000 };
 
-/* A sun that is moved sways by this much. */
-#define SUN_SWAY 0.05f
-
 static const char help[] =
     "Usage: chiaro-render SCENE.(gltf|glb|chiaro) -o FILE.(exr|png) [options]\n"
     "Renders a scene on Vulkan. EXR is linear radiance with alpha 0 where no surface is seen; PNG is tone mapped.\n"
     "A glTF is baked first; the bake is kept in $XDG_CACHE_HOME/chiaro or ~/.cache/chiaro.\n"
     "  --component full|punctual|indirect   which light (full)\n"
     "  --gi on|off          bounce light (on)\n"
+    "  --budget-ms MS       settings of the bake with the least error whose frame takes at most so\n"
+    "                       long, as chiaro-report has measured it on this machine ...\n"
+    "  --report FILE.csv    ... and written it (report/report.csv)\n"
     "  --frames N           frames that are timed, after two to warm up; the last one is written (1)\n"
     "  --move-lights R      moves every light on a circle of radius R, frame by frame; the last frame has them in place\n"
     "  --time-step S        animations play: seconds from frame to frame, from --time on (0)\n"
@@ -37,7 +39,8 @@ typedef struct Job {
     LoadDesc load;
     ChiaroVulkanSettings settings;
     uint32_t frames;
-    float move, sway, step, exposure;
+    float move, sway, step, exposure, budget_ms;
+    const char *report;
 } Job;
 
 typedef struct Timing {
@@ -67,6 +70,10 @@ static bool take_own(Job *job, int argc, char **argv, int *i)
         job->settings.component = loaded_choice(options, argc, argv, i, components, 3);
     else if (strcmp(word, "--gi") == 0)
         job->settings.gi_off = loaded_choice(options, argc, argv, i, switches, 2);
+    else if (strcmp(word, "--budget-ms") == 0)
+        job->budget_ms = options_float(options, argc, argv, i, 0.001f, 1e6f);
+    else if (strcmp(word, "--report") == 0)
+        job->report = options_text(options, argc, argv, i);
     else if (strcmp(word, "--frames") == 0)
         job->frames = options_uint(options, argc, argv, i, 1, MAX_FRAMES);
     else if (strcmp(word, "--move-lights") == 0)
@@ -82,11 +89,25 @@ static bool take_own(Job *job, int argc, char **argv, int *i)
     return true;
 }
 
+/* What fits the budget, from a report. */
+static void choose_settings(Job *job)
+{
+    ReportPoint choice;
+    const char *fault;
+    if (job->load.bake.links || job->load.bake.samples || job->load.bake.rays)
+        options_fail(&job->options, CHIARO_EXIT_USAGE, "--budget-ms chooses --links, --samples and --rays itself");
+    if (!report_read_choice(job->report, (double)job->budget_ms, &choice, &fault))
+        options_fail(&job->options, CHIARO_EXIT_INPUT, "%s: %s", job->report, fault);
+    job->load.bake.links = choice.links, job->load.bake.samples = choice.asked_samples;
+    job->load.bake.receivers = choice.asked_receivers, job->load.bake.rays = choice.asked_rays;
+}
+
 static Job take_options(int argc, char **argv)
 {
     Job job = {.options = {.program = "chiaro-render", .usage = help},
                .settings = {.struct_size = sizeof(ChiaroVulkanSettings)},
-               .frames = 1};
+               .frames = 1,
+               .report = "report/report.csv"};
     const SceneOptions *options = &job.options;
     for (int i = 1; i < argc; i++)
         if (!options_take(&job.options, argc, argv, &i) && !take_own(&job, argc, argv, &i))
@@ -96,6 +117,8 @@ static Job take_options(int argc, char **argv)
         options_fail(options, CHIARO_EXIT_USAGE, "-o is missing");
     if (!picture_is_png(options->output) && !picture_is_exr(options->output))
         options_fail(options, CHIARO_EXIT_USAGE, "-o wants a name in .exr or .png, not '%s'", options->output);
+    if (job.budget_ms > 0)
+        choose_settings(&job);
     return job;
 }
 
@@ -108,13 +131,8 @@ static void move_lights(const Job *job, Run *run, uint32_t frame, bool last)
     for (uint32_t i = 0; i < run->scene.light_count; i++) {
         ChiaroLight *light = &run->moved[i];
         *light = run->scene.lights[i];
-        if (last)
-            continue;
-        Vec3 way = vec3(cosf(turn), 0, sinf(turn));
-        if (light->type == CHIARO_LIGHT_SUN)
-            vec3_store(light->direction, vec3_normalize(vec3_mad(vec3_load(light->direction), way, SUN_SWAY)));
-        else
-            vec3_store(light->position, vec3_mad(vec3_load(light->position), way, job->move));
+        if (!last)
+            circle_move(light, job->move, turn);
     }
     loaded_check(&job->options, run->api->lights_set(run->chiaro, run->moved, run->scene.light_count));
 }

@@ -1,10 +1,11 @@
 #!/bin/sh
-# Runs every test program of a build and counts what they say: tests/run.sh BUILD_DIR
+# Runs every test program of a build and counts what they say: tests/run.sh BUILD_DIR [NAME]
+# With a name, only those whose name begins with it.
 # What is exact comes first, pictures last, so that the first failure is the one to read.
 # The driver is always lavapipe, and no test finds what another one left in a cache.
 set -u
 cd "$(dirname "$0")/.." || exit 1
-build=${1:?usage: tests/run.sh BUILD_DIR}
+build=${1:?usage: tests/run.sh BUILD_DIR [NAME]}
 
 driver=
 for file in /usr/share/vulkan/icd.d/lvp_icd*.json; do
@@ -40,7 +41,7 @@ count()
     sed -n "s/^\[  $1  \].* \([0-9][0-9]*\) test(s).*/\1/p" "$work/log" | awk '{ n += $1 } END { print n + 0 }'
 }
 
-for program in "$build"/tests/test_*; do
+for program in "$build"/tests/test_"${2:-}"*; do
     [ -f "$program" ] && [ -x "$program" ] && echo "$(rank "$program") $program"
 done | LC_ALL=C sort > "$work/programs"
 

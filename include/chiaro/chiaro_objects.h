@@ -160,8 +160,8 @@ CHIARO_API void chiaro_cube_look_up(const ChiaroCubeKernel *kernel, const float 
 
 typedef enum ChiaroCubeFormat {
     CHIARO_CUBE_UNORM8,         /**< RGBA8: colour as a part of a scale that goes with the cube; alpha as it is. */
-    CHIARO_CUBE_HALF,           /**< RGBA16F: round to nearest even, at most 65504 either way. */
-    CHIARO_CUBE_SHARED_EXPONENT /**< E5B9G9R9: one exponent for three colours, at most 65408; no fourth value. */
+    CHIARO_CUBE_HALF,           /**< RGBA16F, round to nearest even; negative colours no further down than 65504 scales. */
+    CHIARO_CUBE_SHARED_EXPONENT /**< E5B9G9R9: one exponent for three colours; no fourth value. */
 } ChiaroCubeFormat;
 
 /** Bytes of a texel; 0: no such format. @thread_safety any thread. @errors none. @lifetime nothing is kept. */
@@ -169,7 +169,8 @@ CHIARO_API uint32_t chiaro_cube_format_size(ChiaroCubeFormat format);
 
 /** Encodes texels of four floats. What is not a number becomes 0; so does, but for CHIARO_CUBE_HALF, what is negative.
  * @param count number of texels. @param out receives count * chiaro_cube_format_size() bytes, in the host's byte order.
- * @param scale receives what decoded colours are multiplied with: the brightest colour for CHIARO_CUBE_UNORM8, else 1.
+ * @param scale receives what decoded colours are multiplied with: the brightest colour for CHIARO_CUBE_UNORM8; else 1, or
+ * a power of two where colours lie outside the format's range.
  * @errors CHIARO_ERROR_ARGUMENT: no such format. @thread_safety any thread. @lifetime nothing is kept. */
 CHIARO_API ChiaroResult chiaro_cube_encode(ChiaroCubeFormat format, const float *texels, uint32_t count, void *out,
                                            float *scale);

@@ -94,6 +94,22 @@ bool metrics_compare(const ChiaroIoImage *test, const ChiaroIoImage *truth, cons
     return true;
 }
 
+void metrics_scale_best(const ChiaroIoImage *truth, ChiaroIoImage *picture)
+{
+    double along = 0, size = 0;
+    size_t count = (size_t)picture->width * picture->height;
+    for (size_t i = 0; i < count; i++) {
+        for (size_t c = 0; c < 3 && picture->pixels[4 * i + 3] > 0 && truth->pixels[4 * i + 3] > 0; c++) {
+            along += (double)picture->pixels[4 * i + c] * (double)truth->pixels[4 * i + c];
+            size += (double)picture->pixels[4 * i + c] * (double)picture->pixels[4 * i + c];
+        }
+    }
+    for (size_t i = 0; size > 0 && i < count; i++) {
+        for (size_t c = 0; c < 3; c++)
+            picture->pixels[4 * i + c] = (float)((double)picture->pixels[4 * i + c] * along / size);
+    }
+}
+
 static double mean_of(const ChiaroIoImage *test, const ChiaroIoImage *truth, const ChiaroIoImage *mask)
 {
     double sum = 0, count = 0;

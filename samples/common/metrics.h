@@ -20,6 +20,10 @@ typedef struct Metrics {
 bool metrics_compare(const ChiaroIoImage *test, const ChiaroIoImage *truth, const ChiaroIoImage *mask,
                      Metrics *metrics, const char **fault);
 
+/* Multiplies a picture with what brings it nearest to the truth, in the least-squares sense: baselines are given the best
+ * constant there is. Both of one size, RGBA. */
+void metrics_scale_best(const ChiaroIoImage *truth, ChiaroIoImage *picture);
+
 /* The signed error as a picture to look at: black is none, red too bright, blue too dark; full colour at a quarter of
  * the truth's mean. Green: a surface in one only; yellow: not finite; grey: does not count. Allocates picture->pixels.
  * False if memory is short or sizes differ. */

@@ -9,6 +9,7 @@
 /* Defaults where the caller leaves them to the scene. */
 enum { DEFAULT_LINKS = 32, DEFAULT_RAYS = 2048, LARGE_SCENE_RAYS = 256, LEAST_RECEIVERS = 4096, MOST_RECEIVERS = 32768 };
 static const float RECEIVER_PART_OF_FREE_PATH = 0.055f;
+static const float FAR_OUT = 16, NOTABLE_STEP = 1e-4f;
 
 bool chiaro_bake_progress(float done, void *user)
 {
@@ -76,6 +77,55 @@ void chiaro_bake_bounds(Baker *baker)
     }
 }
 
+/* Far from the origin floats are coarse, and rays must start far off their surface. So a scene that lies further out than
+ * FAR_OUT of its own sizes is baked by its lowest corner and moved back afterwards. Returns false where memory is short. */
+static bool move_near(Baker *baker, ChiaroScene *near, Vec3 *origin)
+{
+    Vec3 low = vec3_load(baker->info.bounds_min), high = vec3_load(baker->info.bounds_max);
+    float furthest = 0, size = vec3_length(vec3_sub(high, low));
+    for (int c = 0; c < 3; c++)
+        furthest = fmaxf(furthest, fmaxf(fabsf(baker->info.bounds_min[c]), fabsf(baker->info.bounds_max[c])));
+    *origin = vec3(0, 0, 0);
+    if (!(furthest > FAR_OUT * size))
+        return true;
+    ChiaroVertex *vertices = malloc(near->vertex_count * sizeof *vertices);
+    if (!vertices)
+        return false;
+    float step = nextafterf(furthest, INFINITY) - furthest;
+    if (step > NOTABLE_STEP * size)
+        chiaro_log_write(&baker->desc.log, CHIARO_LOG_WARNING, CHIARO_LOG_BAKE_LIMIT,
+                         "%g m from the origin positions lie %g m apart, %.2g of the scene's size: move it nearer",
+                         (double)furthest, (double)step, (double)(step / size));
+    memcpy(vertices, near->vertices, near->vertex_count * sizeof *vertices);
+    for (uint32_t v = 0; v < near->vertex_count; v++)
+        vec3_store(vertices[v].position, vec3_sub(vec3_load(vertices[v].position), low));
+    near->vertices = vertices;
+    *origin = low;
+    return true;
+}
+
+static void move_back(Baker *baker, Vec3 origin)
+{
+    const struct {
+        void *first;
+        uint32_t count;
+        size_t size; /* the position comes first in all of them */
+    } arrays[] = {{baker->samples, baker->sample_count, sizeof *baker->samples},
+                  {baker->points, baker->point_count, sizeof *baker->points},
+                  {baker->receivers, baker->receiver_count, sizeof *baker->receivers},
+                  {baker->vertices, baker->vertex_count, sizeof *baker->vertices}};
+    for (size_t a = 0; a < sizeof arrays / sizeof *arrays; a++) {
+        for (uint32_t i = 0; i < arrays[a].count; i++) {
+            float *position = (float *)(void *)((char *)arrays[a].first + i * arrays[a].size);
+            vec3_store(position, vec3_add(vec3_load(position), origin));
+        }
+    }
+    for (uint32_t n = 0; n < baker->node_count; n++) {
+        if (baker->nodes[n].first < baker->sample_count)
+            vec3_store(baker->nodes[n].center, vec3_add(vec3_load(baker->nodes[n].center), origin));
+    }
+}
+
 void chiaro_bake_release(Baker *baker)
 {
     Patches *p = &baker->patches;
@@ -108,15 +158,23 @@ ChiaroResult chiaro_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc, C
         {"receiver links", chiaro_bake_receiver_links, 1},
     };
     Baker baker = {.scene = scene};
+    ChiaroScene near;
+    Vec3 origin;
     if (!scene || !blob)
         return CHIARO_ERROR_ARGUMENT;
     ChiaroResult result = resolve(&baker, desc);
     if (result == CHIARO_OK)
         result = chiaro_scene_check(scene, &baker.desc.log);
-    if (result == CHIARO_OK)
-        result = chiaro_rays_create(scene, &baker.desc.log, &baker.rays);
-    if (result == CHIARO_OK)
+    near = *scene;
+    if (result == CHIARO_OK) {
         chiaro_bake_bounds(&baker);
+        result = move_near(&baker, &near, &origin) ? CHIARO_OK : CHIARO_ERROR_MEMORY;
+        baker.scene = &near;
+    }
+    if (result == CHIARO_OK) {
+        chiaro_bake_bounds(&baker);
+        result = chiaro_rays_create(&near, &baker.desc.log, &baker.rays);
+    }
     for (size_t s = 0; s < sizeof stages / sizeof *stages && result == CHIARO_OK; s++) {
         baker.stage = stages[s].name;
         baker.stage_begin = s ? stages[s - 1].end : 0, baker.stage_end = stages[s].end;
@@ -127,8 +185,13 @@ ChiaroResult chiaro_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc, C
         if (s == 0 && result == CHIARO_OK)
             resolve_from_scene(&baker);
     }
-    if (result == CHIARO_OK)
+    baker.scene = scene;
+    if (result == CHIARO_OK && near.vertices != scene->vertices)
+        move_back(&baker, origin);
+    if (result == CHIARO_OK) {
+        chiaro_bake_bounds(&baker);
         result = chiaro_bake_write(&baker, blob);
+    }
     if (result == CHIARO_OK)
         chiaro_log_write(&baker.desc.log, CHIARO_LOG_INFO, CHIARO_LOG_BAKE_SUMMARY,
                          "%u samples, %u receivers, %u training lights, %u sweeps, fit %.4f (samples %.4f)",
@@ -137,6 +200,8 @@ ChiaroResult chiaro_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc, C
     if (result == CHIARO_ERROR_MEMORY)
         chiaro_log_write(&baker.desc.log, CHIARO_LOG_ERROR, CHIARO_LOG_OUT_OF_MEMORY, "while baking %s", baker.stage);
     chiaro_bake_release(&baker);
+    if (near.vertices != scene->vertices)
+        free((void *)(uintptr_t)near.vertices);
     return result;
 }
 

@@ -28,6 +28,12 @@ WIDE void chiaro_axpy(float *restrict y, float s, const float *restrict x, size_
         y[i] += s * x[i];
 }
 
+WIDE void chiaro_axpy_double(double *restrict y, double s, const double *restrict x, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        y[i] += s * x[i];
+}
+
 void chiaro_pick(const float *row, const uint32_t *columns, const float *scale, size_t n, float *out)
 {
     for (size_t i = 0; i < n; i++)

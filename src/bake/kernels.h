@@ -11,6 +11,7 @@ enum { CHIARO_LANES = 16 };
 float chiaro_dot(const float *a, const float *b, size_t n);
 /* y[i] += s * x[i]; n is a multiple of CHIARO_LANES. */
 void chiaro_axpy(float *restrict y, float s, const float *restrict x, size_t n);
+void chiaro_axpy_double(double *restrict y, double s, const double *restrict x, size_t n);
 /* out[i] = row[columns[i]] * scale[i]. */
 void chiaro_pick(const float *row, const uint32_t *columns, const float *scale, size_t n, float *out);
 

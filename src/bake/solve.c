@@ -1,9 +1,13 @@
 /* All bounces, solved once: B = x + rho F B for every training light.
  *
- * Near albedo 1 the system is stiff, but its slow part is smooth: light that fills a room. So each sweep of Jacobi's method
- * takes the clusters' means (nodes of the tree, some hundred) from an exact solution of the same system on clusters, and
- * keeps for itself what varies inside them, which bounces wash out fast. It makes no difference how many rooms there are,
- * or how weakly they are joined. The same coarse solution tells the links how light spreads after its first bounce.
+ * Near albedo 1 the system is stiff, but its slow part is smooth: light that fills a room. So a step takes the clusters'
+ * means (nodes of the tree, some hundred) from an exact solution of the same system on clusters, and is Jacobi's for what
+ * varies inside them, which bounces wash out fast. It makes no difference how many rooms there are. Where a cluster lies in
+ * two rooms that hardly see each other, that step alone would crawl; so each one is combined with the last few such that
+ * the residual is least (generalised conjugate residuals: Eisenstat, Elman, Schultz, "Variational iterative methods for
+ * nonsymmetric systems of linear equations", 1983). Done is not where the residual is small, which says little near albedo
+ * 1, but where the step that it asks for is. The coarse solution also tells the links how light spreads after its first
+ * bounce.
  */
 #include "../offline/parallel.h"
 #include "bake.h"
@@ -13,25 +17,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { CLUSTERS = 256, BLOCK = CHIARO_COLUMN_BLOCK, MAX_SWEEPS = 40 };
-static const float TOLERANCE = 1e-3f;
+enum { CLUSTERS = 256, MOST_CLUSTERS = 1024, BLOCK = CHIARO_COLUMN_BLOCK, MAX_SWEEPS = 40, KEPT = 12 };
+/* Common share of what two halves of a node see, from which on they count as one place. */
+static const double ONE_PLACE = 0.1;
+static const double TOLERANCE = 1e-4;
 /* Mean square of a training light on the surfaces against that of its source, below which it is left out. */
 static const double LEAST_LIGHT = 1e-3;
-
-/* The largest nodes of at most this many leaves, in the order of leaves: they cover every sample once. */
-static uint32_t collect_clusters(const Baker *baker, uint32_t node, uint32_t most, uint32_t *clusters, uint32_t count)
-{
-    const ChiaroNode *n = &baker->nodes[node];
-    if (n->first >= baker->sample_count)
-        return count;
-    if (n->count <= most) {
-        if (clusters)
-            clusters[count] = node;
-        return count + 1;
-    }
-    count = collect_clusters(baker, n->left, most, clusters, count);
-    return collect_clusters(baker, n->right, most, clusters, count);
-}
 
 /* Adds what a row sends to each cluster to sums[cluster]. */
 static void add_to_clusters(const Baker *baker, const RowEntry *row, size_t count, float *sums)
@@ -40,24 +31,89 @@ static void add_to_clusters(const Baker *baker, const RowEntry *row, size_t coun
         sums[baker->sample_cluster[row[e].node]] += row[e].weight;
 }
 
+/* How nodes become clusters. */
+typedef struct Collector {
+    const Baker *baker;
+    uint32_t most;     /* leaves of a cluster */
+    uint32_t *clusters, count;
+    float *seen[2];    /* clusters of a first round that the halves of a node see; NULL: this is the first round */
+    uint32_t bins;
+} Collector;
+
+/* True if the halves of a node see much the same: they are in one room. */
+static bool is_one_place(const Collector *c, const ChiaroNode *node)
+{
+    const Baker *baker = c->baker;
+    double sum[2] = {0, 0}, common = 0;
+    for (uint32_t half = 0; half < 2; half++) {
+        const ChiaroNode *child = &baker->nodes[half ? node->right : node->left];
+        memset(c->seen[half], 0, c->bins * sizeof *c->seen[half]);
+        for (uint32_t s = child->first; s < child->first + child->count; s++)
+            add_to_clusters(baker, baker->rows + baker->row_first[s], baker->row_first[s + 1] - baker->row_first[s],
+                            c->seen[half]);
+        for (uint32_t i = 0; i < c->bins; i++)
+            sum[half] += (double)c->seen[half][i];
+    }
+    for (uint32_t i = 0; i < c->bins; i++)
+        common += fmin((double)c->seen[0][i] * sum[1], (double)c->seen[1][i] * sum[0]);
+    return common >= ONE_PLACE * sum[0] * sum[1];
+}
+
+/* The largest nodes of at most so many leaves that lie in one place, in the order of leaves: they cover every sample once. */
+static void collect_clusters(Collector *c, uint32_t number)
+{
+    const ChiaroNode *node = &c->baker->nodes[number];
+    if (node->first >= c->baker->sample_count)
+        return;
+    if (node->count <= c->most &&
+        (!c->seen[0] || node->count == 1 || c->count >= MOST_CLUSTERS || is_one_place(c, node))) {
+        c->clusters[c->count++] = number;
+        return;
+    }
+    collect_clusters(c, node->left);
+    collect_clusters(c, node->right);
+}
+
+static void number_clusters(Baker *baker, const Collector *c)
+{
+    baker->cluster_count = c->count;
+    for (uint32_t i = 0; i < c->count; i++) {
+        const ChiaroNode *node = &baker->nodes[c->clusters[i]];
+        for (uint32_t s = node->first; s < node->first + node->count; s++)
+            baker->sample_cluster[s] = i;
+    }
+}
+
+/* Clusters by size; then again, with what they see as the measure of what belongs together. */
+static bool make_clusters(Baker *baker)
+{
+    uint32_t most = baker->sample_count / CLUSTERS;
+    Collector c = {.baker = baker, .most = most < 1 ? 1 : most};
+    baker->clusters = c.clusters = malloc(baker->sample_count * sizeof *baker->clusters);
+    baker->sample_cluster = malloc(baker->sample_count * sizeof *baker->sample_cluster);
+    if (!baker->clusters || !baker->sample_cluster)
+        return false;
+    collect_clusters(&c, baker->root);
+    number_clusters(baker, &c);
+    c.bins = c.count;
+    float *seen = malloc(2 * (size_t)c.bins * sizeof *seen);
+    if (!seen)
+        return false;
+    c.seen[0] = seen, c.seen[1] = seen + c.bins;
+    c.count = 0;
+    collect_clusters(&c, baker->root);
+    number_clusters(baker, &c);
+    free(seen);
+    return true;
+}
+
 /* Inverse of the system on clusters, area-weighted, one matrix a channel: response[c][i][j] is the radiosity of cluster i
  * where the clusters' mean x is 1 on j and 0 elsewhere. */
 static ChiaroResult coarse_inverse(Baker *baker)
 {
-    uint32_t most = baker->sample_count / CLUSTERS;
-    most = most < 1 ? 1 : most;
-    uint32_t n = collect_clusters(baker, baker->root, most, NULL, 0);
-    baker->clusters = malloc(n * sizeof *baker->clusters);
-    baker->sample_cluster = malloc(baker->sample_count * sizeof *baker->sample_cluster);
-    if (!baker->clusters || !baker->sample_cluster)
+    if (!make_clusters(baker))
         return CHIARO_ERROR_MEMORY;
-    collect_clusters(baker, baker->root, most, baker->clusters, 0);
-    baker->cluster_count = n;
-    for (uint32_t i = 0; i < n; i++) {
-        const ChiaroNode *node = &baker->nodes[baker->clusters[i]];
-        for (uint32_t s = node->first; s < node->first + node->count; s++)
-            baker->sample_cluster[s] = i;
-    }
+    uint32_t n = baker->cluster_count;
     float *row = malloc(n * sizeof *row);
     if (!row)
         return CHIARO_ERROR_MEMORY;
@@ -91,20 +147,8 @@ typedef struct Solve {
     bool failed;
 } Solve;
 
-/* Means of the nodes for a block of columns. */
-static void sum_tree(const Baker *baker, float *total)
-{
-    for (uint32_t n = baker->leaf_count; n < baker->node_count; n++) {
-        const ChiaroNode *node = &baker->nodes[n];
-        float *row = total + (size_t)n * baker->columns;
-        memset(row, 0, BLOCK * sizeof *row);
-        for (uint32_t k = node->source_first; k < node->source_first + node->source_count; k++)
-            chiaro_axpy(row, baker->nodes[k].area / node->area, total + (size_t)k * baker->columns, BLOCK);
-    }
-}
-
-/* Adds to the residual, cluster by cluster, what the coarse solution says beyond the residual's own mean. */
-static void correct_coarsely(const Baker *baker, uint32_t first, float *residual, double *mean)
+/* Makes a step of a residual: cluster by cluster, adds what the coarse solution says beyond the residual's own mean. */
+static void correct_coarsely(const Baker *baker, uint32_t first, double *residual, double *mean)
 {
     uint32_t n = baker->cluster_count;
     bool present[3] = {false, false, false};
@@ -112,8 +156,7 @@ static void correct_coarsely(const Baker *baker, uint32_t first, float *residual
     for (uint32_t s = 0; s < baker->sample_count; s++) {
         uint32_t i = baker->sample_cluster[s];
         double share = baker->samples[s].area / baker->nodes[baker->clusters[i]].area;
-        for (uint32_t k = 0; k < BLOCK; k++)
-            mean[(size_t)i * BLOCK + k] += share * residual[(size_t)s * BLOCK + k];
+        chiaro_axpy_double(mean + (size_t)i * BLOCK, share, residual + (size_t)s * BLOCK, BLOCK);
     }
     for (uint32_t k = 0; k < BLOCK; k++)
         present[baker->grey ? 0 : baker->column_channel[first + k]] = true;
@@ -123,59 +166,152 @@ static void correct_coarsely(const Baker *baker, uint32_t first, float *residual
             double sum[BLOCK] = {0};
             if (!present[c])
                 continue;
-            for (uint32_t j = 0; j < n; j++) {
-                double response = baker->response[c][(size_t)i * n + j];
-                for (uint32_t k = 0; k < BLOCK; k++)
-                    sum[k] += response * mean[(size_t)j * BLOCK + k];
-            }
+            for (uint32_t j = 0; j < n; j++)
+                chiaro_axpy_double(sum, baker->response[c][(size_t)i * n + j], mean + (size_t)j * BLOCK, BLOCK);
             for (uint32_t k = 0; k < BLOCK; k++)
                 change[k] = baker->grey || baker->column_channel[first + k] == c ? sum[k] : change[k];
         }
+        chiaro_axpy_double(change, -1, mean + (size_t)i * BLOCK, BLOCK);
         const ChiaroNode *node = &baker->nodes[baker->clusters[i]];
-        for (uint32_t s = node->first; s < node->first + node->count; s++) {
-            for (uint32_t k = 0; k < BLOCK; k++)
-                residual[(size_t)s * BLOCK + k] += (float)(change[k] - mean[(size_t)i * BLOCK + k]);
-        }
+        for (uint32_t s = node->first; s < node->first + node->count; s++)
+            chiaro_axpy_double(residual + (size_t)s * BLOCK, 1, change, BLOCK);
     }
+}
+
+/* image = F values; leaves from `end` on are dark. */
+static void gather(const Baker *baker, const double *values, uint32_t end, double *image)
+{
+    for (uint32_t s = 0; s < baker->sample_count; s++) {
+        double *sum = image + (size_t)s * BLOCK;
+        memset(sum, 0, BLOCK * sizeof *sum);
+        for (size_t e = baker->row_first[s]; e < baker->row_first[s + 1] && baker->rows[e].node < end; e++)
+            chiaro_axpy_double(sum, (double)baker->rows[e].weight, values + (size_t)baker->rows[e].node * BLOCK, BLOCK);
+    }
+}
+
+static double albedo_of(const Baker *baker, uint32_t sample, uint32_t column)
+{
+    return (double)baker->samples[sample].albedo[baker->column_channel[column]];
+}
+
+/* image = (I - rho F) step */
+static void apply(const Baker *baker, uint32_t first, const double *step, double *image)
+{
+    gather(baker, step, baker->sample_count, image);
+    for (uint32_t s = 0; s < baker->sample_count; s++) {
+        for (size_t k = 0, i = (size_t)s * BLOCK; k < BLOCK; k++, i++)
+            image[i] = step[i] - albedo_of(baker, s, first + (uint32_t)k) * image[i];
+    }
+}
+
+/* Sums of a[s] * b[s], column by column. */
+static void dots(const double *a, const double *b, size_t count, double sum[BLOCK])
+{
+    memset(sum, 0, BLOCK * sizeof *sum);
+    for (size_t i = 0; i < count; i += BLOCK) {
+        for (uint32_t k = 0; k < BLOCK; k++)
+            sum[k] += a[i + k] * b[i + k];
+    }
+}
+
+/* a[s] += sign * scale * b[s], column by column. */
+static void add(double *a, double sign, const double scale[BLOCK], const double *b, size_t count)
+{
+    for (size_t i = 0; i < count; i += BLOCK) {
+        for (uint32_t k = 0; k < BLOCK; k++)
+            a[i + k] += sign * scale[k] * b[i + k];
+    }
+}
+
+/* What of each column of `a` lies along `b`, whose squares add up to `size`. */
+static void project(const double *a, const double *b, const double size[BLOCK], size_t count, double along[BLOCK])
+{
+    dots(a, b, count, along);
+    for (uint32_t k = 0; k < BLOCK; k++)
+        along[k] = size[k] > 0 ? along[k] / size[k] : 0;
+}
+
+/* What a block of columns is solved with. Memory of steps that are not needed is never touched, so it costs nothing. */
+typedef struct Columns {
+    double *memory;
+    double *total;                     /* B, of all leaves */
+    double *residual;                  /* x + rho F B - B */
+    double *step[KEPT], *image[KEPT];  /* the last steps, and how each changes the residual */
+    double image_size[KEPT][BLOCK];    /* squares of the images, added up */
+    double *mean;                      /* of clusters */
+} Columns;
+
+static bool open_columns(const Baker *baker, uint32_t first, Columns *c)
+{
+    size_t leaves = (size_t)baker->leaf_count * BLOCK, samples = (size_t)baker->sample_count * BLOCK;
+    c->memory = malloc((leaves + (2 * KEPT + 1) * samples + (size_t)baker->cluster_count * BLOCK) * sizeof(double));
+    if (!c->memory)
+        return false;
+    c->total = c->memory, c->residual = c->total + leaves;
+    for (uint32_t i = 0; i < KEPT; i++)
+        c->step[i] = c->residual + (2 * i + 1) * samples, c->image[i] = c->step[i] + samples;
+    c->mean = c->residual + (2 * KEPT + 1) * samples;
+    for (size_t l = 0; l < leaves; l++)
+        c->total[l] = baker->direct[l / BLOCK * baker->columns + first + l % BLOCK];
+    return true;
+}
+
+/* A step is small against what it is a step of, in every column. */
+static bool is_small(const double *step, const double *total, size_t count)
+{
+    double changed[BLOCK], size[BLOCK];
+    bool small = true;
+    dots(step, step, count, changed);
+    dots(total, total, count, size);
+    for (uint32_t k = 0; k < BLOCK; k++)
+        small = small && changed[k] <= TOLERANCE * TOLERANCE * size[k];
+    return small;
 }
 
 static void solve_block(Solve *solve, uint32_t block)
 {
     Baker *baker = solve->baker;
-    uint32_t first = block * BLOCK, samples = baker->sample_count;
-    float *total = baker->total + first, *direct = baker->direct + first;
-    float *residual = malloc((size_t)samples * BLOCK * sizeof *residual);
-    double *mean = malloc((size_t)baker->cluster_count * BLOCK * sizeof *mean);
-    if (!residual || !mean) {
+    uint32_t first = block * BLOCK;
+    size_t count = (size_t)baker->sample_count * BLOCK;
+    Columns c;
+    if (!open_columns(baker, first, &c)) {
         solve->failed = true;
-        goto done;
+        return;
     }
-    for (uint32_t l = 0; l < baker->leaf_count; l++)
-        memcpy(total + (size_t)l * baker->columns, direct + (size_t)l * baker->columns, BLOCK * sizeof *total);
+    gather(baker, c.total, baker->leaf_count, c.residual);
+    for (size_t i = 0; i < count; i++) /* of B = x, to begin with */
+        c.residual[i] *= albedo_of(baker, (uint32_t)(i / BLOCK), first + (uint32_t)(i % BLOCK));
     for (uint32_t sweep = 0; sweep < MAX_SWEEPS; sweep++) {
-        double wrong = 0, size = 0;
-        sum_tree(baker, total);
-        for (uint32_t s = 0; s < samples; s++) {
-            const float *b = total + (size_t)s * baker->columns, *x = direct + (size_t)s * baker->columns;
-            float *r = residual + (size_t)s * BLOCK, *sum = solve->irradiance + (size_t)s * baker->columns + first;
-            memset(sum, 0, BLOCK * sizeof *sum);
-            for (size_t e = baker->row_first[s]; e < baker->row_first[s + 1]; e++)
-                chiaro_axpy(sum, baker->rows[e].weight, total + (size_t)baker->rows[e].node * baker->columns, BLOCK);
-            for (uint32_t k = 0; k < BLOCK; k++) {
-                r[k] = x[k] + baker->samples[s].albedo[baker->column_channel[first + k]] * sum[k] - b[k];
-                wrong += (double)r[k] * r[k], size += (double)b[k] * b[k];
-            }
-        }
+        uint32_t now = sweep % KEPT;
+        double *step = c.step[now], *image = c.image[now], along[BLOCK];
+        memcpy(step, c.residual, count * sizeof *step);
+        correct_coarsely(baker, first, step, c.mean);
         solve->sweeps[block] = sweep + 1;
-        if (wrong <= (double)TOLERANCE * TOLERANCE * size)
+        if (is_small(step, c.total, count)) {
+            chiaro_axpy_double(c.total, 1, step, count);
             break;
-        correct_coarsely(baker, first, residual, mean);
-        for (uint32_t s = 0; s < samples; s++)
-            chiaro_axpy(total + (size_t)s * baker->columns, 1, residual + (size_t)s * BLOCK, BLOCK);
+        }
+        apply(baker, first, step, image);
+        for (uint32_t i = 0; i < KEPT && i < sweep; i++) {
+            if (i == now)
+                continue;
+            project(image, c.image[i], c.image_size[i], count, along);
+            add(step, -1, along, c.step[i], count);
+            add(image, -1, along, c.image[i], count);
+        }
+        dots(image, image, count, c.image_size[now]);
+        project(c.residual, image, c.image_size[now], count, along);
+        add(c.total, 1, along, step, count);
+        add(c.residual, -1, along, image, count);
     }
-done:
-    free(residual);
-    free(mean);
+    gather(baker, c.total, baker->leaf_count, c.residual);
+    for (size_t i = 0; i < (size_t)baker->leaf_count * BLOCK; i++) {
+        size_t at = i / BLOCK * baker->columns + first + i % BLOCK;
+        baker->total[at] = (float)c.total[i];
+        if (i < count)
+            solve->irradiance[at] = (float)c.residual[i];
+    }
+    free(c.memory);
 }
 
 static void solve_blocks(uint32_t begin, uint32_t end, uint32_t thread, void *user)

@@ -64,7 +64,9 @@ ChiaroResult chiaro_bake_write(Baker *baker, ChiaroBlob *blob)
         .part_count = baker->scene->part_count,
     };
     ChiaroFileArray arrays[CHIARO_FILE_ARRAYS];
-    ChiaroFileHeader header = {.info = baker->info};
+    ChiaroFileHeader header;
+    memset(&header, 0, sizeof header); /* what lies between its members is written too */
+    header.info = baker->info;
     chiaro_file_arrays(&t, arrays);
     chiaro_file_store_counts(&t, header.counts);
     header.start.version = CHIARO_FILE_VERSION;

@@ -2,8 +2,11 @@
 #include "chiaro/chiaro_objects.h"
 #include "vec.h"
 
+#include <math.h>
+#include <stdbool.h>
 #include <string.h>
 
+#define MOST 3e38f
 #define HALF_MAX 65504.0f
 
 /* E5B9G9R9: nine bits a colour, an exponent of bias 15 that all three share. */
@@ -82,9 +85,20 @@ static float brightest_color(const float *texels, uint32_t count)
     float brightest = 0;
     for (uint32_t t = 0; t < count; t++) {
         for (int c = 0; c < 3; c++)
-            brightest = fmaxf(brightest, chiaro_clamp(texels[4 * (size_t)t + (size_t)c], 0, 3e38f));
+            brightest = fmaxf(brightest, chiaro_clamp(texels[4 * (size_t)t + (size_t)c], 0, MOST));
     }
     return brightest;
+}
+
+/* Power of two that brings colours into the range of a floating-point format, as an exponent; 0 where they are in it: a
+ * sun in lux is beyond both, and starlight is lost in their smallest steps. */
+static int exponent_for(ChiaroCubeFormat format, float brightest)
+{
+    bool half = format == CHIARO_CUBE_HALF;
+    float dimmest = half ? 0x1p-4f : 0x1p-16f;
+    if (brightest > 0 && (brightest > (half ? HALF_MAX : SHARED_MAX) || brightest < dimmest))
+        return ilogbf(brightest);
+    return 0;
 }
 
 ChiaroResult chiaro_cube_encode(ChiaroCubeFormat format, const float *texels, uint32_t count, void *out, float *scale)
@@ -96,21 +110,31 @@ ChiaroResult chiaro_cube_encode(ChiaroCubeFormat format, const float *texels, ui
         return CHIARO_ERROR_ARGUMENT;
     /* In doubles the smallest scale has a finite reciprocal too. */
     double steps = 255;
+    int exponent = 0;
+    float brightest = brightest_color(texels, count);
     if (format == CHIARO_CUBE_UNORM8) {
-        *scale = brightest_color(texels, count);
+        *scale = brightest;
         steps = *scale > 0 ? 255 / (double)*scale : 0;
+    } else {
+        exponent = exponent_for(format, brightest);
+        *scale = ldexpf(1, exponent);
     }
     for (uint32_t t = 0; t < count; t++, texels += 4, bytes += size) {
         if (format == CHIARO_CUBE_UNORM8) {
             for (int c = 0; c < 3; c++)
                 bytes[c] = (unsigned char)((double)chiaro_clamp(texels[c], 0, *scale) * steps + 0.5);
             bytes[3] = (unsigned char)(chiaro_clamp(texels[3], 0, 1) * 255 + 0.5f);
-        } else if (format == CHIARO_CUBE_HALF) {
-            uint16_t half[4] = {half_encode(texels[0]), half_encode(texels[1]), half_encode(texels[2]),
+            continue;
+        }
+        float color[3];
+        for (int c = 0; c < 3; c++) /* not a number stays that */
+            color[c] = ldexpf(texels[c] > MOST ? MOST : texels[c] < -MOST ? -MOST : texels[c], -exponent);
+        if (format == CHIARO_CUBE_HALF) {
+            uint16_t half[4] = {half_encode(color[0]), half_encode(color[1]), half_encode(color[2]),
                                 half_encode(texels[3])};
             memcpy(bytes, half, sizeof half);
         } else {
-            uint32_t bits = shared_encode(texels);
+            uint32_t bits = shared_encode(color);
             memcpy(bytes, &bits, sizeof bits);
         }
     }

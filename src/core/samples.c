@@ -55,13 +55,17 @@ void chiaro_samples_light(const ChiaroTransport *transport, const ChiaroLight *l
 {
     for (uint32_t s = 0; s < transport->sample_count; s++) {
         const ChiaroSample *sample = &transport->samples[s];
-        Vec3 sum = {0, 0, 0};
+        double sum[3] = {0, 0, 0}; /* ten thousand lights would round */
         for (uint32_t p = 0; p < sample->point_count; p++) {
             const ChiaroPoint *point = &transport->points[sample->first_point + p];
-            for (uint32_t l = 0; l < light_count; l++)
-                sum = vec3_mad(sum, point_irradiance(point, &lights[l], visible, user), point->weight);
+            for (uint32_t l = 0; l < light_count; l++) {
+                Vec3 light = point_irradiance(point, &lights[l], visible, user);
+                sum[0] += (double)(light.x * point->weight);
+                sum[1] += (double)(light.y * point->weight);
+                sum[2] += (double)(light.z * point->weight);
+            }
         }
-        vec3_store(radiosity + 3 * s,
-                   vec3_add(vec3_load(sample->emission), vec3_mul(vec3_load(sample->albedo), sum)));
+        for (uint32_t c = 0; c < 3; c++)
+            radiosity[3 * (size_t)s + c] = sample->emission[c] + sample->albedo[c] * (float)sum[c];
     }
 }

@@ -33,8 +33,21 @@ void chiaro_sky_light(const ChiaroTransport *transport, const ChiaroSky *sky, fl
                 sum[texel][c] += w * rgb[c];
         }
     }
+    double whole = 0, sent[3] = {0}, kept[3] = {0}, solid_angle = 0;
     for (uint32_t t = 0; t < CHIARO_SKY_TEXELS; t++) {
-        for (int c = 0; c < 3; c++)
-            radiosity[3 * leaf_of[t] + (uint32_t)c] = weight[t] > 0 ? (float)(CHIARO_PI * sum[t][c] / weight[t]) : 0;
+        double angle = (double)transport->sky_directions[4 * (size_t)leaf_of[t] + 3];
+        whole += weight[t], solid_angle += angle;
+        for (int c = 0; c < 3; c++) {
+            sent[c] += sum[t][c];
+            sum[t][c] = weight[t] > 0 ? sum[t][c] / weight[t] : 0;
+            kept[c] += angle * sum[t][c];
+        }
+    }
+    /* Texels hold a whole number of places, so their means weigh a lone bright spot a few percent wrong. */
+    for (uint32_t t = 0; t < CHIARO_SKY_TEXELS; t++) {
+        for (int c = 0; c < 3; c++) {
+            double right = kept[c] > 0 ? sent[c] / whole * solid_angle / kept[c] : 0;
+            radiosity[3 * leaf_of[t] + (uint32_t)c] = (float)(CHIARO_PI * sum[t][c] * right);
+        }
     }
 }

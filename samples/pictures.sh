@@ -1,5 +1,5 @@
 #!/bin/sh
-# Moving objects against the path tracer: pictures side by side, errors and frame times.  report.sh BUILD_DIR
+# Moving objects against the path tracer: pictures side by side, errors and frame times.  pictures.sh BUILD_DIR
 # Every figure is of the `indirect` component over the pixels that show objects, unless it says otherwise.
 set -eu
 build=$1

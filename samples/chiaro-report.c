@@ -1,0 +1,95 @@
+/* Error against run time of any scene: a page, a table, and the settings that fit a budget. */
+#include "common/report.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] =
+    "Usage: chiaro-report SCENE.(gltf|glb)... -o FOLDER [options]\n"
+    "Bakes, renders and traces scenes with many settings in one run, and writes FOLDER/index.html, report.csv and\n"
+    "report.json: error against frame time, error by cause, light that is late, objects that move, baselines, how cost\n"
+    "grows.\n"
+    "  --quick         small bakes, few paths: minutes instead of hours\n"
+    "  --no-scaling    leaves out how cost grows\n"
+    "  --device N|NAME which Vulkan device\n"
+    "  --suggest MS    prints, for each scene, the settings with the least error whose frame takes at most so long here\n";
+
+static Report take_options(int argc, char **argv)
+{
+    Report report = {.options = {.program = "chiaro-report", .usage = help}};
+    SceneOptions *options = &report.options;
+    bool scaling = true;
+    report.scenes = report_alloc(&report, (size_t)argc, sizeof *report.scenes);
+    for (int i = 1; i < argc; i++) {
+        if (argv[i][0] != '-')
+            report.scenes[report.scene_count++].input = argv[i];
+        else if (strcmp(argv[i], "--quick") == 0)
+            report.quick = true;
+        else if (strcmp(argv[i], "--no-scaling") == 0)
+            scaling = false;
+        else if (strcmp(argv[i], "--device") == 0)
+            report.device_name = options_text(options, argc, argv, &i);
+        else if (strcmp(argv[i], "--suggest") == 0)
+            report.suggest_ms = (double)options_float(options, argc, argv, &i, 0.001f, 1e6f);
+        else if (!options_take(options, argc, argv, &i))
+            options_fail(options, CHIARO_EXIT_USAGE, "unknown word '%s'", argv[i]);
+    }
+    if (report.scene_count == 0)
+        options_fail(options, CHIARO_EXIT_USAGE, "which scene?");
+    if (!options->output || strlen(options->output) > REPORT_PATH / 2)
+        options_fail(options, CHIARO_EXIT_USAGE, "-o FOLDER is missing, or too long");
+    report.folder = options->output;
+    report.scaling = scaling;
+    return report;
+}
+
+static void suggest(const Report *report)
+{
+    for (uint32_t s = 0; s < report->scene_count; s++) {
+        const ReportScene *scene = &report->scenes[s];
+        const ReportPoint *p = report_suggest(scene, report->suggest_ms);
+        if (!p)
+            printf("%s: nothing fits %.3g ms here\n", scene->input, report->suggest_ms);
+        else if (p->links == 0)
+            printf("%s: only without bounce light: --gi off (%.2f ms)\n", scene->input, p->frame.median);
+        else
+            printf("%s: %s: --links %u --samples %u --receivers %u --rays %u (0: the default); %.2f ms, relRMSE of indirect "
+                   "%.4f\n", scene->input, p->name, p->links, p->asked_samples, p->asked_receivers, p->asked_rays,
+                   p->frame.median, p->indirect.relrmse);
+    }
+}
+
+static void release(Report *report)
+{
+    for (uint32_t s = 0; s < report->scene_count; s++) {
+        ReportScene *scene = &report->scenes[s];
+        for (int c = 0; c < CHIARO_COMPONENT_COUNT; c++)
+            free(scene->truth[c].pixels);
+        for (uint32_t k = 0; k < scene->picture_count; k++)
+            free(scene->pictures[k].image.pixels);
+        free(scene->lights);
+        chiaro_io_free_scene(&scene->read);
+    }
+    free(report->scenes);
+    free((void *)(uintptr_t)report->sky.radiance);
+}
+
+int main(int argc, char **argv)
+{
+    Report report = take_options(argc, argv);
+    if (!options_sky(&report.options, &report.sky))
+        return CHIARO_EXIT_INPUT;
+    for (uint32_t s = 0; s < report.scene_count; s++) {
+        report.options.input = report.scenes[s].input;
+        report_scene(&report, &report.scenes[s]);
+    }
+    if (report.scaling)
+        report_scaling(&report, &report.scenes[0]);
+    report_write(&report);
+    if (report.suggest_ms > 0)
+        suggest(&report);
+    if (!report.options.quiet && report.suggest_ms == 0)
+        printf("%s/index.html\n", report.folder);
+    release(&report);
+    return CHIARO_EXIT_OK;
+}

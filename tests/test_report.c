@@ -1,0 +1,126 @@
+/* What a report makes of its figures: the front, the choice for a budget, powers, and files that stand by themselves. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+
+#include <cmocka.h>
+#include <string.h>
+
+#include "../samples/common/report.h"
+#include "common/check.h"
+#include "common/out.h"
+
+#define FOLDER OUT "report"
+
+static void add(ReportScene *scene, const char *name, uint32_t links, double ms, double error)
+{
+    ReportPoint *p = &scene->points[scene->point_count++];
+    *p = (ReportPoint){.links = links, .samples = 2000, .receivers = 4000, .asked_samples = 1000 + links, .frame = {ms, ms},
+                       .update = {-1, -1}, .indirect = {.relrmse = error}, .baseline = ms < 0};
+    snprintf(p->name, sizeof p->name, "%s", name);
+}
+
+/* One scene with a name that no format takes as it is. */
+static Report made_report(ReportScene *scene)
+{
+    Report report = {.options = {.program = "test"}, .folder = FOLDER, .scenes = scene, .scene_count = 1};
+    *scene = (ReportScene){.input = "a \"b\", <c> & d.glb"};
+    report.options.width = report.options.height = 4;
+    add(scene, "default", 32, 10, 0.05);
+    add(scene, "cheap", 8, 4, 0.2);
+    add(scene, "worse than default", 16, 11, 0.06);
+    add(scene, "dear", 128, 30, 0.04);
+    add(scene, "off", 0, 3, 1);
+    add(scene, "constant", 0, -1, 0.5);
+    scene->points[0].chosen = true;
+    scene->late = (ReportSeries){.count = 2, .x = {0, 4}, .y = {0.1, 0.2}, .exponent = (double)NAN};
+    report_find_front(scene);
+    return report;
+}
+
+static void the_front_holds_what_nothing_beats(void **state)
+{
+    (void)state;
+    ReportScene *scene = new_array(1, sizeof *scene);
+    made_report(scene);
+    const bool front[] = {true, true, false, true, true, false};
+    for (uint32_t i = 0; i < scene->point_count; i++)
+        assert_int_equal(scene->points[i].front, front[i]);
+    assert_string_equal(report_suggest(scene, 10)->name, "default");
+    assert_string_equal(report_suggest(scene, 9.9)->name, "cheap");
+    assert_string_equal(report_suggest(scene, 1000)->name, "dear");
+    assert_string_equal(report_suggest(scene, 3.5)->name, "off");
+    assert_null(report_suggest(scene, 2));
+    free(scene);
+}
+
+static void a_power_is_found(void **state)
+{
+    (void)state;
+    ReportSeries series = {.count = 4};
+    for (uint32_t i = 0; i < 4; i++)
+        series.x[i] = pow(3, i), series.y[i] = 0.5 * pow(series.x[i], 1.7);
+    report_fit(&series);
+    assert_near("power", 1.7, series.exponent, 1.7, 1e-9);
+    series.count = 1;
+    report_fit(&series);
+    assert_true(isnan(series.exponent));
+}
+
+static void the_choice_is_read_back_from_the_file(void **state)
+{
+    (void)state;
+    ReportScene *scene = new_array(1, sizeof *scene);
+    Report report = made_report(scene);
+    ReportPoint choice;
+    const char *fault;
+    report_write(&report);
+    assert_true(report_read_choice(FOLDER "/report.csv", 12, &choice, &fault));
+    assert_int_equal(choice.links, 32);
+    assert_int_equal(choice.asked_samples, 1032);
+    assert_true(report_read_choice(FOLDER "/report.csv", 5, &choice, &fault));
+    assert_int_equal(choice.links, 8);
+    /* Without bounce light there is nothing to be baked for. */
+    assert_false(report_read_choice(FOLDER "/report.csv", 3.5, &choice, &fault));
+    assert_false(report_read_choice(FOLDER "/none.csv", 12, &choice, &fault));
+    assert_false(report_read_choice(FOLDER "/index.html", 12, &choice, &fault));
+    free(scene);
+}
+
+static void the_page_needs_nothing_else(void **state)
+{
+    (void)state;
+    ReportScene *scene = new_array(1, sizeof *scene);
+    Report report = made_report(scene);
+    float *pixels = new_array(48, sizeof *pixels);
+    scene->picture_count = 1;
+    scene->pictures[0] = (ReportPicture){.title = "p", .image = {4, 4, 3, pixels}};
+    report_write(&report);
+    ChiaroIoFile file;
+    ChiaroIoError error;
+    assert_true(chiaro_io_map(FOLDER "/index.html", &file, &error));
+    char *page = new_array(file.size, 1);
+    memcpy(page, file.data, file.size);
+    assert_non_null(strstr(page, "<svg"));
+    assert_non_null(strstr(page, "data:image/png;base64,iVBORw0KGgo"));
+    assert_non_null(strstr(page, "a &quot;b&quot;, &lt;c&gt; &amp; d.glb"));
+    assert_null(strstr(page, "http"));
+    assert_null(strstr(page, "<script"));
+    assert_null(strstr(page, "nan"));
+    assert_null(strstr(page, "inf,"));
+    chiaro_io_unmap(&file);
+    free(page);
+    free(pixels);
+    free(scene);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_front_holds_what_nothing_beats),
+        cmocka_unit_test(a_power_is_found),
+        cmocka_unit_test(the_choice_is_read_back_from_the_file),
+        cmocka_unit_test(the_page_needs_nothing_else),
+    };
+    return cmocka_run_group_tests(tests, make_folder, NULL);
+}

@@ -1,0 +1,307 @@
+/* Scenes at their extremes: tiny, huge, far away, and full of triangles that should not be. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+
+#include <cmocka.h>
+#include <string.h>
+
+#include "../src/offline/rays.h"
+#include "chiaro/chiaro_bake.h"
+#include "common/check.h"
+#include "common/mesh.h"
+#include "common/table.h"
+
+
+/* A scene, its bake, and its light. */
+typedef struct Bake {
+    Mesh mesh;
+    ChiaroBlob blob;
+    ChiaroTransport transport;
+    float *irradiance;
+    uint32_t far; /* times that the log said it */
+} Bake;
+
+static bool sees(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
+{
+    return chiaro_rays_light_visible(user, light, vec3_load(point), vec3_load(normal));
+}
+
+static void hear(ChiaroLogLevel level, ChiaroLogItem item, const char *message, void *user)
+{
+    (void)level;
+    *(uint32_t *)user += item == CHIARO_LOG_BAKE_LIMIT && strstr(message, "from the origin");
+}
+
+/* Bakes a mesh, which it takes over, and lights it. */
+static Bake open_bake(const Mesh *mesh, uint32_t seed, const ChiaroLight *lights, uint32_t count, const ChiaroSky *sky)
+{
+    Bake bake = {.mesh = *mesh};
+    ChiaroBakeDesc desc = {.struct_size = sizeof desc, .samples = 256, .rays = 512, .receivers = 120, .links = 64,
+                           .threads = 2, .seed = seed, .log = {hear, &bake.far}};
+    ChiaroRays *rays;
+    assert_int_equal(chiaro_bake(&bake.mesh.scene, &desc, &bake.blob), CHIARO_OK);
+    assert_int_equal(chiaro_transport_open(bake.blob.data, bake.blob.size, &bake.transport, NULL), CHIARO_OK);
+    assert_int_equal(chiaro_rays_create(&bake.mesh.scene, NULL, &rays), CHIARO_OK);
+    const ChiaroTransport *t = &bake.transport;
+    float *scratch = new_array(3 * ((size_t)t->node_count + t->sample_count), sizeof(float));
+    bake.irradiance = new_array(3 * (size_t)t->receiver_count, sizeof(float));
+    chiaro_transport_update(t, lights, count, sky, sees, rays, scratch, bake.irradiance);
+    chiaro_rays_destroy(rays);
+    free(scratch);
+    return bake;
+}
+
+static void close_bake(Bake *bake)
+{
+    chiaro_blob_free(&bake->blob);
+    mesh_end(&bake->mesh);
+    free(bake->irradiance);
+}
+
+static double bad_numbers(const Bake *bake)
+{
+    double bad = 0;
+    for (size_t i = 0; i < 3 * (size_t)bake->transport.receiver_count; i++)
+        bad += !(isfinite(bake->irradiance[i]) && bake->irradiance[i] >= 0);
+    return bad;
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Size and place
+ */
+
+/* A room with a shelf and a lamp, its intensity scaled with the room's surface. All corners are on steps of 1/16. */
+static Bake room_at(float scale, float offset, uint32_t seed)
+{
+    Vec3 o = vec3(offset, offset, offset);
+    Mesh mesh = mesh_begin();
+    mesh_material(&mesh, 0.7f, 0);
+    mesh_box(&mesh, o, vec3_add(o, vec3(3 * scale, 2 * scale, 4 * scale)));
+    mesh_material(&mesh, 0.4f, 0);
+    float l = scale, h = 1.5f * scale;
+    Vec3 shelf[4] = {vec3(l, l, h), vec3(h, l, h), vec3(h, l, l), vec3(l, l, l)};
+    mesh_quad(&mesh, vec3_add(o, shelf[0]), vec3_add(o, shelf[1]), vec3_add(o, shelf[2]), vec3_add(o, shelf[3]));
+    ChiaroLight lamp = {.type = CHIARO_LIGHT_POINT};
+    vec3_store(lamp.position, vec3_add(o, vec3(1.25f * scale, 1.25f * scale, 3 * scale)));
+    for (int c = 0; c < 3; c++)
+        lamp.intensity[c] = scale * scale;
+    return open_bake(&mesh, seed, &lamp, 1, NULL);
+}
+
+/* rms difference of receivers in the same place. */
+static double difference(const Bake *a, float scale, float offset, const Bake *b)
+{
+    double wrong = 0, size = 0, pairs = 0;
+    for (uint32_t r = 0; r < a->transport.receiver_count; r++) {
+        for (uint32_t u = 0; u < b->transport.receiver_count; u++) {
+            const ChiaroReceiver *x = &a->transport.receivers[r], *y = &b->transport.receivers[u];
+            Vec3 at = vec3_scale(vec3_sub(vec3_load(x->position), vec3(offset, offset, offset)), 1 / scale);
+            if (vec3_length(vec3_sub(at, vec3_load(y->position))) > 1e-3f ||
+                vec3_dot(vec3_load(x->normal), vec3_load(y->normal)) < 0.99f)
+                continue;
+            double p = (double)a->irradiance[3 * r], q = (double)b->irradiance[3 * u];
+            wrong += (p - q) * (p - q), size += q * q, pairs++;
+            break;
+        }
+    }
+    assert_true(pairs > 0.4 * b->transport.receiver_count); /* far away, many have moved by a step */
+    return sqrt(wrong / size);
+}
+
+static void size_and_place_do_not_matter(void **state)
+{
+    (void)state;
+    /* Powers of two leave every rounding as it was. Others round the corners of the scene, so rays fall otherwise, as with
+     * another seed: there, what two seeds differ by is what is allowed. Far away the bake is the same, but a float of the
+     * result has steps: at 1e6 m of 6 cm, which the log must say. */
+    static const struct {
+        const char *name;
+        float scale, offset;
+        double allowed; /* 0: as two seeds; below: only told */
+        double told;
+    } cases[] = {{"scaled by 2^-20, 1e-6", 0x1p-20f, 0, 1e-3, 0}, {"scaled by 2^20, 1e6", 0x1p20f, 0, 1e-3, 0},
+                 {"scaled by 1e-6, beside two seeds", 1e-6f, 0, 0, 0}, {"scaled by 1e6, beside two seeds", 1e6f, 0, 0, 0},
+                 {"moved by 1e3 m", 1, 1e3f, 1e-3, 0},        {"moved by 1e5 m", 1, 1e5f, 1e-3, 1},
+                 {"moved by 1e6 m", 1, 1e6f, -1, 1}};
+    Table table = table_begin("scenes: size and place");
+    Bake unit = room_at(1, 0, 1), other = room_at(1, 0, 2);
+    double seeds = difference(&other, 1, 0, &unit);
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        char name[96];
+        Bake bake = room_at(cases[k].scale, cases[k].offset, 1);
+        snprintf(name, sizeof name, "%s: light at the receivers", cases[k].name);
+        if (cases[k].allowed >= 0)
+            table_most(&table, name, difference(&bake, cases[k].scale, cases[k].offset, &unit),
+                       cases[k].allowed > 0 ? cases[k].allowed : seeds);
+        snprintf(name, sizeof name, "%s: numbers out of range", cases[k].name);
+        table_near(&table, name, 0, bad_numbers(&bake), 0);
+        snprintf(name, sizeof name, "%s: the log says that positions are coarse", cases[k].name);
+        table_near(&table, name, cases[k].told, bake.far, 0);
+        close_bake(&bake);
+    }
+    close_bake(&unit);
+    close_bake(&other);
+    table_end(&table);
+}
+
+/* ------------------------------------------------------------------------------------------------------------------
+ * Triangles that should not be
+ */
+
+/* A room of albedo 0.5 that shines 1: irradiance is 2 pi everywhere, whatever shape is closed and shines like it. */
+static Mesh furnace(void)
+{
+    Mesh mesh = mesh_begin();
+    mesh_material(&mesh, 0.5f, 1);
+    mesh_box(&mesh, vec3(0, 0, 0), vec3(3, 2, 4));
+    return mesh;
+}
+
+/* The worst receiver on the box itself, whose walls see each other. */
+static void check_furnace(Table *table, const char *name, const Mesh *mesh, double truth, double allowed)
+{
+    char text[96];
+    Bake bake = open_bake(mesh, 1, NULL, 0, NULL);
+    double worst = truth;
+    for (uint32_t r = 0; r < bake.transport.receiver_count; r++) {
+        double e = (double)bake.irradiance[3 * r];
+        worst = fabs(e - truth) > fabs(worst - truth) ? e : worst;
+    }
+    if (allowed > 0) {
+        snprintf(text, sizeof text, "%s: worst receiver", name);
+        table_near(table, text, truth, worst, allowed);
+    }
+    snprintf(text, sizeof text, "%s: numbers out of range", name);
+    table_near(table, text, 0, bad_numbers(&bake), 0);
+    close_bake(&bake);
+}
+
+static void triangles_that_should_not_be(void **state)
+{
+    (void)state;
+    const double truth = 2 * 3.14159265358979;
+    Table table = table_begin("scenes: triangles that should not be, in a furnace of 2 pi");
+    Mesh mesh = furnace();
+    for (uint32_t k = 0; k < 200; k++) { /* on the floor, a micrometre wide and 3 m long */
+        float z = 0.02f * (float)k;
+        mesh_triangle(&mesh, vec3(0, 1e-4f, z), vec3(0, 1e-4f, z + 1e-6f), vec3(3, 1e-4f, z));
+    }
+    check_furnace(&table, "200 needles, 1 um x 3 m", &mesh, truth, 0.01);
+    mesh = furnace();
+    for (uint32_t k = 0; k < 200; k++) {
+        Vec3 p = vec3(1, 1, 0.02f * (float)k), q = vec3(2, 1, 0.02f * (float)k);
+        mesh_triangle(&mesh, p, k % 2 ? p : q, k % 3 ? p : vec3_scale(vec3_add(p, q), 0.5f));
+        for (uint32_t i = 0; i < 3; i++)
+            vec3_store(mesh.vertices[mesh.scene.vertex_count - 1 - i].normal, vec3(0, 1, 0));
+    }
+    check_furnace(&table, "200 triangles without area", &mesh, truth, 0.01);
+    mesh = furnace();
+    mesh_box(&mesh, vec3(0, 0, 0), vec3(3, 2, 4));
+    mesh_box(&mesh, vec3(0, 0, 0), vec3(3, 2, 4));
+    check_furnace(&table, "every face three times", &mesh, truth, 0.01);
+    /* A wall that stands free on the floor, two sides of one surface: edges that three and more faces share. */
+    mesh = furnace();
+    uint32_t front = mesh_material(&mesh, 0.5f, 1);
+    mesh_triangle(&mesh, vec3(1, 0, 1), vec3(2, 0, 1), vec3(2, 1, 1));
+    uint32_t back = mesh_material(&mesh, 0.5f, 1);
+    mesh_triangle(&mesh, vec3(1, 0, 1), vec3(2, 1, 1), vec3(2, 0, 1));
+    mesh.parts[front].twin = back, mesh.parts[back].twin = front;
+    check_furnace(&table, "a fin on the floor, both sides", &mesh, truth, 0.01);
+    mesh = furnace();
+    for (uint32_t i = 0; i < 6; i += 3) { /* the floor looks down: seen from the room it is black */
+        uint32_t index = mesh.indices[i + 1];
+        mesh.indices[i + 1] = mesh.indices[i + 2], mesh.indices[i + 2] = index;
+    }
+    check_furnace(&table, "a floor that is turned over", &mesh, truth, 0);
+    mesh = furnace();
+    mesh.materials[0].albedo[0] = mesh.materials[0].albedo[1] = mesh.materials[0].albedo[2] = 0;
+    check_furnace(&table, "albedo 0", &mesh, truth / 2, 0.01);
+    mesh = furnace();
+    mesh.materials[0].albedo[0] = mesh.materials[0].albedo[1] = mesh.materials[0].albedo[2] = 1;
+    check_furnace(&table, "albedo 1, taken as 0.99", &mesh, 50 * truth, 0.01);
+    mesh = mesh_begin();
+    mesh_material(&mesh, 0.5f, 1);
+    mesh_triangle(&mesh, vec3(0, 0, 0), vec3(0, 0, 1), vec3(1, 0, 0));
+    check_furnace(&table, "one triangle", &mesh, 0, 1e-30);
+    static const float lengths[] = {3, 0, NAN};
+    for (int k = 0; k < 3; k++) {
+        ChiaroBlob blob;
+        ChiaroBakeDesc desc = {.struct_size = sizeof desc, .samples = 64, .rays = 16, .receivers = 16};
+        char name[64];
+        mesh = furnace();
+        for (uint32_t v = 0; v < mesh.scene.vertex_count; v++)
+            vec3_store(mesh.vertices[v].normal, vec3_scale(vec3_load(mesh.vertices[v].normal), lengths[k]));
+        snprintf(name, sizeof name, "normals of length %g: refused", (double)lengths[k]);
+        table_near(&table, name, CHIARO_ERROR_SCENE, chiaro_bake(&mesh.scene, &desc, &blob), 0);
+        mesh_end(&mesh);
+    }
+    table_end(&table);
+}
+
+/* A ball of a million triangles that share their corners. */
+static void an_object_of_a_million_triangles(void **state)
+{
+    (void)state;
+    enum { ROWS = 500, COLUMNS = 1000, CORNERS = (ROWS + 1) * COLUMNS };
+    Table table = table_begin("scenes: an object of 1,000,000 triangles under an even sky");
+    ChiaroVertex *vertices = new_array(CORNERS, sizeof *vertices);
+    uint32_t *indices = new_array((size_t)6 * ROWS * COLUMNS, sizeof *indices), count = 0;
+    for (uint32_t v = 0; v < CORNERS; v++) {
+        float polar = CHIARO_PI * ((float)(v / COLUMNS) + 0.5f) / (ROWS + 1);
+        float turn = 2 * CHIARO_PI * (float)(v % COLUMNS) / COLUMNS;
+        Vec3 way = vec3(sinf(polar) * cosf(turn), cosf(polar), sinf(polar) * sinf(turn));
+        vertices[v] = (ChiaroVertex){.color = {1, 1, 1, 1}};
+        vec3_store(vertices[v].position, way);
+        vec3_store(vertices[v].normal, vec3_normalize(way));
+    }
+    for (uint32_t i = 0; i < ROWS * COLUMNS; i++) {
+        uint32_t a = i, b = i / COLUMNS * COLUMNS + (i + 1) % COLUMNS, c = a + COLUMNS, d = b + COLUMNS;
+        const uint32_t corners[6] = {a, b, d, a, d, c};
+        memcpy(indices + count, corners, sizeof corners);
+        count += 6;
+    }
+    ChiaroMaterial material = {.albedo = {0.5f, 0.5f, 0.5f}, .alpha = 1, .albedo_texture = CHIARO_NONE,
+                               .emission_texture = CHIARO_NONE};
+    ChiaroPart part = {0, count, 0, CHIARO_NONE};
+    ChiaroScene scene = {.vertices = vertices, .indices = indices, .parts = &part, .materials = &material,
+                         .vertex_count = CORNERS, .index_count = count, .part_count = 1, .material_count = 1};
+    ChiaroBakeObjectDesc desc = {.struct_size = sizeof desc, .rays = 16, .threads = 2};
+    ChiaroBlob blob;
+    ChiaroObject object;
+    ChiaroWorldDesc world_desc = {.struct_size = sizeof world_desc, .object_capacity = 1};
+    ChiaroWorld *world;
+    const float one[3] = {1, 1, 1}, matrix[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+    const ChiaroSky sky = {1, 1, one};
+    uint32_t id;
+    assert_int_equal(chiaro_bake_object(&scene, &desc, &blob), CHIARO_OK);
+    assert_int_equal(chiaro_object_open(blob.data, blob.size, &object, NULL), CHIARO_OK);
+    assert_int_equal(chiaro_world_create(&world_desc, &world), CHIARO_OK);
+    assert_int_equal(chiaro_world_sky(world, &sky), CHIARO_OK);
+    assert_int_equal(chiaro_object_add(world, &object, matrix, &id), CHIARO_OK);
+    while (chiaro_world_update(world, 10, NULL) > 0) {
+    }
+    double worst = 3.14159265358979;
+    for (uint32_t v = 0; v < CORNERS; v += 997) {
+        float light[3];
+        assert_int_equal(chiaro_object_irradiance(world, id, v, light), CHIARO_OK);
+        worst = fabs((double)light[0] - 3.14159265358979) > fabs(worst - 3.14159265358979) ? (double)light[0] : worst;
+    }
+    table_near(&table, "vertices that come out", CORNERS, object.vertex_count, 0);
+    table_near(&table, "worst vertex", 3.14159265358979, worst, 0.01);
+    chiaro_world_destroy(world);
+    chiaro_blob_free(&blob);
+    free(vertices);
+    free(indices);
+    table_end(&table);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(size_and_place_do_not_matter),
+        cmocka_unit_test(triangles_that_should_not_be),
+        cmocka_unit_test(an_object_of_a_million_triangles),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
