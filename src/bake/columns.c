@@ -80,7 +80,8 @@ static void take(Columns *columns, uint32_t index, float scale)
 static void draw(Columns *columns, uint32_t count, double energy, double wanted, bool more)
 {
     double next = 0.5, sum = 0;
-    for (uint32_t k = 0; k < count; k++) {
+    uint32_t left = (uint32_t)wanted + 1; /* whatever rounding makes of the energy that remains */
+    for (uint32_t k = 0; k < count && left > 0; k++) {
         uint32_t t = columns->order[k], own_table = columns->baker->columns;
         float scale = powf(columns->level[t], LEVEL_POWER - 1);
         double level = (double)columns->level[t] * (double)scale, own = level * level;
@@ -93,6 +94,7 @@ static void draw(Columns *columns, uint32_t count, double energy, double wanted,
             scale *= (float)sqrt(energy / (wanted * own));
             next += 1;
         }
+        left--;
         if (more == (t >= own_table))
             take(columns, more ? t - own_table : t, scale);
     }
