@@ -343,6 +343,24 @@ static ChiaroResult carry_light(Baker *baker)
     return result;
 }
 
+/* Mean square of each node's light, over all training lights, if every leaf shone for itself. */
+static float *loose_energy(const Baker *baker, const float *table)
+{
+    float *energy = malloc(baker->node_count * sizeof *energy);
+    for (uint32_t n = 0; energy && n < baker->leaf_count; n++) {
+        const float *light = table + (size_t)n * baker->columns;
+        energy[n] = chiaro_dot(light, light, baker->columns) / (float)baker->columns;
+    }
+    for (uint32_t n = baker->leaf_count; energy && n < baker->node_count; n++) {
+        const ChiaroNode *node = &baker->nodes[n];
+        double sum = 0;
+        for (uint32_t k = node->source_first; k < node->source_first + node->source_count; k++)
+            sum += (double)baker->nodes[k].area * baker->nodes[k].area * energy[k];
+        energy[n] = (float)(sum / ((double)node->area * node->area));
+    }
+    return energy;
+}
+
 ChiaroResult chiaro_bake_sample_links(Baker *baker)
 {
     uint32_t *begin = malloc(((size_t)baker->sample_count + 1) * sizeof *begin);
@@ -358,27 +376,9 @@ ChiaroResult chiaro_bake_sample_links(Baker *baker)
     return result == CHIARO_OK ? carry_light(baker) : result;
 }
 
-/* Mean square of each node's light, over all training lights, if every leaf shone for itself. */
-static float *loose_energy(const Baker *baker)
-{
-    float *energy = malloc(baker->node_count * sizeof *energy);
-    for (uint32_t n = 0; energy && n < baker->leaf_count; n++) {
-        const float *light = baker->total + (size_t)n * baker->columns;
-        energy[n] = chiaro_dot(light, light, baker->columns) / (float)baker->columns;
-    }
-    for (uint32_t n = baker->leaf_count; energy && n < baker->node_count; n++) {
-        const ChiaroNode *node = &baker->nodes[n];
-        double sum = 0;
-        for (uint32_t k = node->source_first; k < node->source_first + node->source_count; k++)
-            sum += (double)baker->nodes[k].area * baker->nodes[k].area * energy[k];
-        energy[n] = (float)(sum / ((double)node->area * node->area));
-    }
-    return energy;
-}
-
 ChiaroResult chiaro_bake_receiver_links(Baker *baker)
 {
-    float *energy = loose_energy(baker);
+    float *energy = loose_energy(baker, baker->total);
     FitTask task = {.baker = baker, .truth = baker->total, .feature = baker->carried, .links = baker->desc.links, .channels = 1,
                     .tolerance = RECEIVER_TOLERANCE, .more = true, .energy = energy};
     if (!energy)

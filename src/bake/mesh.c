@@ -22,7 +22,7 @@ static const float USUAL_EDGE = 1.2f, DISTANCE_POWER = 1.0f / 3, SHORTEST_EDGE =
  * has more than that, so many times its own. */
 static const double MOST_A_RECEIVER = 4, MOST_VERTICES = 160e3, MOST_MORE = 1.25;
 /* A receiver of less area than this part of a square of the shortest edge (fine detail, as it was modelled) counts less. */
-static const float USUAL_PART = 0.06f;
+static const float USUAL_PART = 0.02f;
 /* A receiver is moved this part of the way to the middle of its triangles: a corner lies on two walls. */
 static const float INWARD = 0.02f;
 /* More than this share of rays that meet surfaces from behind: the place is inside something. */
