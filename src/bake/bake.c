@@ -132,8 +132,8 @@ void chiaro_bake_release(Baker *baker)
     void *all[] = {p->triangle_first, p->triangle_edge, p->small_leaf, p->leaf_small, p->leaf_first, p->small_triangle,
                    p->triangle_part, p->leaf_cumulative, baker->samples, baker->points, baker->leaf_weights,
                    baker->sky_directions, baker->sky_order, baker->nodes, baker->row_first, baker->rows, baker->vertices,
-                   baker->vertex_receivers, baker->indices, baker->parts, baker->receivers, baker->receiver_plane,
-                   baker->column_channel, baker->direct, baker->total, baker->carried, baker->irradiance,
+                   baker->vertex_receivers, baker->indices, baker->parts, baker->receivers, baker->receiver_plane, baker->receiver_share,
+                   baker->column_channel, baker->direct, baker->total, baker->carried, baker->irradiance, baker->more,
                    baker->clusters, baker->sample_cluster, baker->response[0], baker->response[1], baker->response[2],
                    baker->receiver_runs, baker->sample_links.blocks, baker->sample_links.nodes,
                    baker->sample_links.weights, baker->receiver_links.blocks, baker->receiver_links.nodes,
@@ -155,7 +155,7 @@ ChiaroResult chiaro_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc, C
         {"patches", chiaro_bake_patches, 0.03f},           {"rows", chiaro_bake_rows, 0.15f},
         {"mesh", chiaro_bake_mesh, 0.2f},                  {"training lights", chiaro_bake_training, 0.35f},
         {"bounces", chiaro_bake_solve, 0.5f},              {"sample links", chiaro_bake_sample_links, 0.6f},
-        {"receiver links", chiaro_bake_receiver_links, 1},
+        {"more lamps", chiaro_bake_more_lamps, 0.65f},     {"receiver links", chiaro_bake_receiver_links, 1},
     };
     Baker baker = {.scene = scene};
     ChiaroScene near;

@@ -83,6 +83,7 @@ typedef struct Baker {
     ChiaroPart *parts;
     ChiaroReceiver *receivers;
     Vec3 *receiver_plane; /* geometric normal at each receiver */
+    float *receiver_share; /* what each counts: 1, or less where detail is finer than it need be for its light */
     uint32_t vertex_count, index_count, receiver_count;
 
     /* training: one column a light, one channel each; tables are [node][column], columns a multiple of the block */
@@ -94,6 +95,9 @@ typedef struct Baker {
     float *total;      /* with all bounces, as solved (B) */
     float *carried;    /* with all bounces, as the sample links carry it at run time */
     float *irradiance; /* [sample][column]: F B */
+    /* More lamps, which receivers alone are taught: what the sample links make of their light is truth enough. */
+    uint32_t more_columns;
+    float *more; /* [node][column]: carried */
 
     /* the system on clusters of samples (nodes), see solve.c */
     uint32_t *clusters, *sample_cluster, cluster_count; /* nodes; the cluster of each sample */
@@ -114,6 +118,7 @@ ChiaroResult chiaro_bake_mesh(Baker *baker);
 ChiaroResult chiaro_bake_training(Baker *baker);
 ChiaroResult chiaro_bake_solve(Baker *baker);
 ChiaroResult chiaro_bake_sample_links(Baker *baker);
+ChiaroResult chiaro_bake_more_lamps(Baker *baker);
 ChiaroResult chiaro_bake_receiver_links(Baker *baker);
 ChiaroResult chiaro_bake_write(Baker *baker, ChiaroBlob *blob);
 
@@ -171,6 +176,20 @@ uint32_t chiaro_row_trace_sample(const Baker *baker, uint32_t sample, uint32_t r
 /* --- training.c --- */
 /* Fills rows [leaf_count, node_count) of a nodes x columns table with the weighted means of the leaves' rows. */
 void chiaro_bake_tree_sum(const Baker *baker, float *table, uint32_t columns);
+
+/* --- solve.c --- */
+/* What training lights are multiplied with, so that their light on the surfaces has mean square 1: a bright lamp teaches no
+ * more than a dim one, and a lamp against a wall, nearly all of whose light is one spot, no more than one in the open. A
+ * light that reaches no surface (a sky from below the ground) teaches nothing: 0. direct: [leaf][column]; irradiance:
+ * [sample][column]. */
+ChiaroResult chiaro_bake_column_scales(const Baker *baker, const float *direct, const float *irradiance, uint32_t columns,
+                                       float *scale);
+
+/* --- links.c --- */
+/* What the sample links make of direct light, at every sample. direct: [node][column]; channel: of each column;
+ * irradiance: [sample][column]. */
+ChiaroResult chiaro_bake_gather(const Baker *baker, const float *direct, uint32_t columns, const uint8_t *channel,
+                                float *irradiance);
 
 /* --- write.c --- */
 /* A block: a header, whose magic and version are set, and what the slots of the arrays point to. */

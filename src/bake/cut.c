@@ -53,11 +53,6 @@ void chiaro_cut_destroy(Cut *cut)
     free(cut);
 }
 
-static void load_row(const CutTask *task, uint32_t columns, uint32_t node, float *row)
-{
-    chiaro_pick(task->table + (size_t)node * columns, task->columns, task->column_scale, task->column_count, row);
-}
-
 uint32_t chiaro_cut_place(const uint32_t *leaves, uint32_t count, uint32_t leaf)
 {
     uint32_t low = 0, high = count;
@@ -73,12 +68,12 @@ uint32_t chiaro_cut_place(const uint32_t *leaves, uint32_t count, uint32_t leaf)
 
 static void measure_cost(Cut *cut, Open *open)
 {
-    uint32_t width = cut->task.column_count;
+    uint32_t width = cut->task.columns->width;
     double area = cut->baker->nodes[open->node].area;
     open->cost = 0;
     if (cut->baker->nodes[open->node].count == 1)
         return;
-    load_row(&cut->task, cut->baker->columns, open->node, cut->mean);
+    chiaro_columns_load(cut->task.columns, cut->task.table, open->node, 0, width, cut->mean);
     for (uint32_t p = 0; p < CUT_PROBES; p++) {
         memcpy(cut->rest, open->light + (size_t)p * CUT_COLUMNS, width * sizeof(float));
         chiaro_axpy(cut->rest, -open->own[p], cut->mean, width);
@@ -92,7 +87,7 @@ static void measure_cost(Cut *cut, Open *open)
 /* Light of the task's leaves [first, end), which are all that a node holds. */
 static void add_up(Cut *cut, Open *open, uint32_t node, uint32_t first, uint32_t end)
 {
-    uint32_t width = cut->task.column_count;
+    uint32_t width = cut->task.columns->width;
     open->node = node;
     memset(open->own, 0, sizeof open->own);
     memset(open->square, 0, sizeof open->square);
@@ -145,7 +140,7 @@ uint32_t chiaro_cut_make(Cut *cut, const CutTask *task, uint32_t most, uint32_t 
     if (task->leaf_count == 0)
         return 0;
     for (uint32_t l = 0; l < task->leaf_count; l++)
-        load_row(task, baker->columns, task->leaves[l], cut->leaf_light + (size_t)l * CUT_COLUMNS);
+        chiaro_columns_load(task->columns, task->table, task->leaves[l], 0, task->columns->width, cut->leaf_light + (size_t)l * CUT_COLUMNS);
     add_up(cut, &cut->open[0], baker->root, 0, task->leaf_count);
     /* Areas of surfaces and solid angles of the sky have no common mean: their root is always opened. */
     if (baker->sky_count)

@@ -2,7 +2,7 @@
 #ifndef CHIARO_CUT_H
 #define CHIARO_CUT_H
 
-#include "bake.h"
+#include "columns.h"
 
 /* Mixtures of a block's rows that stand for all of them, and how many training lights are looked at. */
 enum { CUT_PROBES = 4, CUT_COLUMNS = 192 };
@@ -13,9 +13,7 @@ typedef struct CutTask {
     uint32_t leaf_count;
     const float *probes;      /* [leaf_count][CUT_PROBES]: what each mixture receives from a leaf of light 1 */
     const float *table;       /* [node][column]: training light */
-    const uint32_t *columns;  /* of the table; at most CUT_COLUMNS */
-    const float *column_scale;
-    uint32_t column_count; /* a multiple of CHIARO_LANES */
+    const Columns *columns;   /* of it; at most CUT_COLUMNS */
     const float *energy;   /* [node]: of light of no pattern; NULL: none */
     double loose;          /* what it counts */
 } CutTask;

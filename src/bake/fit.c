@@ -18,6 +18,7 @@
 #include "fit.h"
 
 #include "../core/random.h"
+#include "columns.h"
 #include "cut.h"
 #include "kernels.h"
 #include "linear.h"
@@ -26,7 +27,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_COLUMNS = 2048, COLUMN_CHUNK = 256, LEVEL_STEP = 8, MOST_FIXED = 2, EVEN_COLUMNS = 64, LEAST_BLOCK = 4, LEAST_NODES = 8 };
+enum { COLUMN_CHUNK = 256, LEAF_STEP = 8, MOST_FIXED = 2, EVEN_COLUMNS = 64, LEAST_BLOCK = 4, LEAST_NODES = 8 };
 
 /* Expected error of the fit, as a part of the block's light: the smaller, the further weights may leave the form factors. */
 static const double FIT_NOISE = 0.01;
@@ -36,19 +37,15 @@ static const double LOOSE = 0.3;
 static const double ROUNDING = 1e-6;
 /* Weights are this free: as a part of themselves plus a part of the mean weight. */
 static const double FREEDOM_OF_MEAN = 0.5;
-/* A training light counts by its brightness to this power, minus one: 1 would heed bright ones only, 0 all alike. */
-static const float LEVEL_POWER = 0.75f;
-/* Training lights below this part of the brightest do not count in a block. */
-static const float LEAST_LEVEL = 1e-6f;
-/* Uniform light and the scene's own emitters count as much as this many training lights. */
-static const float SPECIAL_COLUMNS = 8;
 /* The first cut is this much finer than the one that is left. */
-static const double FINER = 2.5;
-/* What a block may spend on patterns: the square of their number, in K; and other tries, as parts of it, while they help. */
-static const double PATTERNS = 4.5, FEWER_PATTERNS[] = {1.0 / 3, 1.0 / 9};
+static const double FINER = 1.5;
+/* What a block may spend on patterns: the square of their number, in K; at most, and at least as a part of that. */
+static const double PATTERNS = 4.5, FEWEST_PATTERNS = 1.0 / 9;
 /* Where few training lights share in a block's light, few patterns can be told from chance: this many lights for each unit
  * of PATTERNS, of which there is one at least. */
-static const double LIGHTS_A_PATTERN = 25, LEAST_PATTERNS = 1;
+static const double LIGHTS_A_PATTERN = 50, LEAST_PATTERNS = 1;
+/* Rows count this much at least. */
+static const double LEAST_SHARE = 0.25;
 /* Patterns that hold less than this part of a block's light, squared, are left out. */
 static const double LEAST_PATTERN = 1e-8;
 
@@ -56,16 +53,16 @@ typedef struct FitScratch {
     FitTask task;
     const FitRows *rows;
     uint32_t first, count; /* the rows of the block at hand */
-    /* columns that count, channel by channel; each channel's begin at a multiple of CHIARO_LANES */
-    uint32_t *columns, begin[4], width, *order;
-    float *column_scale, *level, *chunk;
+    double links;          /* K, for them */
+    Columns columns;                  /* training lights of the rows */
+    Columns few;                      /* some of them, for the cut */
+    float *chunk;
     float *target;                    /* [row][width]: irradiance of the rows */
     float *wanted;                    /* [pattern][width]: of the patterns */
     float *light;                     /* [node of the cut][width]: feature */
     float *form;                      /* [channel][pattern][leaf]: form factors of the patterns */
     float *probes;                    /* [leaf][CUT_PROBES] */
     float *clusters;                  /* [cluster] */
-    double lights;                    /* training lights that share in the block's light, as if all were equally bright */
     double loose;                     /* what the task's energy counts in this block */
     float *bright;                    /* [leaf]: form factors of a row times the root of energy */
     double *pull;                     /* [pattern][node]: right sides of the loose light */
@@ -77,11 +74,8 @@ typedef struct FitScratch {
     double *right;                    /* [pattern][node]: right sides, then weights */
     double *bound[MOST_FIXED];        /* light of the nodes under a uniform sky and a uniform field */
     double uniform[MOST_FIXED][3][CHIARO_BLOCK_ROWS]; /* what the rows receive from them, by channel */
-    uint32_t sub_columns[CUT_COLUMNS];
-    float sub_scale[CUT_COLUMNS];
     Cut *cut;
     Prune prune;
-    FitBlock other; /* a second try at the same block */
 } FitScratch;
 
 /* Loops run over whole groups of lanes. */
@@ -106,17 +100,14 @@ bool chiaro_fitter_create(const FitTask *task, Fitter *fitter)
 {
     const Baker *baker = task->baker;
     const size_t rows = CHIARO_BLOCK_ROWS, nodes = CHIARO_BLOCK_NODES, rank = CHIARO_BLOCK_RANK;
-    const size_t most = MOST_COLUMNS + 3 * CHIARO_LANES;
+    const size_t most = COLUMNS_MOST + COLUMNS_SPARE;
     *fitter = (Fitter){.scratch = calloc(1, sizeof(FitScratch))};
     FitScratch *s = fitter->scratch;
     if (!s)
         return false;
     s->task = *task;
-    bool ready = block_create(&fitter->done, task->channels) && block_create(&s->other, task->channels);
-    s->columns = malloc(most * sizeof *s->columns);
-    s->order = malloc(baker->columns * sizeof *s->order);
-    s->column_scale = malloc(most * sizeof *s->column_scale);
-    s->level = malloc(baker->columns * sizeof *s->level);
+    bool ready = block_create(&fitter->done, task->channels);
+    ready = chiaro_columns_create(&s->columns, baker) && chiaro_columns_create(&s->few, baker) && ready;
     s->chunk = malloc(COLUMN_CHUNK * sizeof *s->chunk);
     s->target = malloc(rows * most * sizeof *s->target);
     s->wanted = malloc(rank * most * sizeof *s->wanted);
@@ -140,8 +131,7 @@ bool chiaro_fitter_create(const FitTask *task, Fitter *fitter)
     s->bound[1] = malloc(nodes * sizeof(double));
     s->cut = chiaro_cut_create(baker, CHIARO_BLOCK_NODES);
     ready = ready && chiaro_prune_create(&s->prune, baker, CHIARO_BLOCK_NODES, task->channels);
-    return ready && s->columns && s->order && s->column_scale && s->level && s->chunk &&
-           s->target && s->wanted && s->light && s->form && s->probes && s->clusters && s->bright && s->pull && s->pattern && s->gram &&
+    return ready && s->chunk && s->target && s->wanted && s->light && s->form && s->probes && s->clusters && s->bright && s->pull && s->pattern && s->gram &&
            s->own_gram && s->vectors && s->images && s->values && s->system && s->ridge && s->prior && s->right &&
            s->bound[0] && s->bound[1] && s->cut;
 }
@@ -150,125 +140,42 @@ void chiaro_fitter_destroy(Fitter *fitter)
 {
     FitScratch *s = fitter->scratch;
     if (s) {
-        void *all[] = {s->columns, s->order, s->column_scale, s->level, s->chunk, s->target, s->wanted, s->light,
-                       s->form, s->probes, s->clusters, s->bright, s->pull, s->pattern, s->gram, s->own_gram, s->vectors, s->images, s->values,
+        void *all[] = {s->chunk, s->target, s->wanted, s->light, s->form, s->probes, s->clusters, s->bright, s->pull, s->pattern, s->gram, s->own_gram, s->vectors, s->images, s->values,
                        s->system,
                        s->ridge, s->prior, s->right, s->bound[0], s->bound[1]};
         for (size_t k = 0; k < sizeof all / sizeof *all; k++)
             free(all[k]);
+        chiaro_columns_destroy(&s->columns);
+        chiaro_columns_destroy(&s->few);
         chiaro_cut_destroy(s->cut);
         chiaro_prune_destroy(&s->prune);
-        block_destroy(&s->other);
     }
     free(s);
     block_destroy(&fitter->done);
 }
 
-/* --- training lights and targets --- */
-
-/* How bright the block is under each training light: a few of its rows are enough to tell. */
-static void measure_level(FitScratch *s)
-{
-    const FitRows *rows = s->rows;
-    uint32_t columns = s->task.baker->columns;
-    memset(s->level, 0, columns * sizeof *s->level);
-    for (uint32_t r = 0; r < rows->count; r += LEVEL_STEP) {
-        const float *form = rows->form + (size_t)r * rows->leaf_count;
-        if (rows->target[r]) {
-            chiaro_axpy(s->level, 1, rows->target[r], columns);
-            continue;
-        }
-        for (uint32_t l = 0; l < rows->leaf_count; l++) {
-            if (form[l] > 0)
-                chiaro_axpy(s->level, form[l], s->task.truth + (size_t)rows->leaves[l] * columns, columns);
-        }
-    }
-}
-
-static int compare_levels(const void *a, const void *b, void *user)
-{
-    const float *level = user;
-    uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
-    if (level[x] != level[y])
-        return level[x] > level[y] ? -1 : 1;
-    return x < y ? -1 : x > y;
-}
-
-static void take_column(FitScratch *s, uint32_t column, float scale)
-{
-    s->columns[s->width] = column;
-    s->column_scale[s->width++] = scale;
-}
-
-/* The training lights that matter to the block, the brightest first, then the special ones. */
-static void choose_columns(FitScratch *s)
-{
-    const Baker *baker = s->task.baker;
-    uint32_t groups = s->task.channels;
-    s->width = 0;
-    for (uint32_t c = 0; c < groups; c++) {
-        uint32_t count = 0, first = s->width, room = MOST_COLUMNS / groups / CHIARO_LANES * CHIARO_LANES - CHIARO_LANES;
-        for (uint32_t t = 0; t < baker->used_columns; t++) {
-            if (groups == 1 || baker->column_channel[t] == c)
-                s->order[count++] = t;
-        }
-        qsort_r(s->order, count, sizeof *s->order, compare_levels, s->level);
-        float least = count ? LEAST_LEVEL * s->level[s->order[0]] : 0, mean = 0;
-        s->begin[c] = first;
-        for (uint32_t k = 0; k < count && s->width - first < room; k++) {
-            uint32_t t = s->order[k];
-            if (t >= baker->emitter_column || !(s->level[t] > least) || !(s->level[t] > LEAST_LEVEL * LEAST_LEVEL))
-                continue;
-            float scale = powf(s->level[t], LEVEL_POWER - 1);
-            mean += s->level[t] * scale;
-            take_column(s, t, scale);
-        }
-        mean = s->width > first ? mean / (float)(s->width - first) : 1;
-        for (uint32_t k = 0; k < count; k++) {
-            uint32_t t = s->order[k];
-            if (t >= baker->emitter_column && s->level[t] > LEAST_LEVEL)
-                take_column(s, t, sqrtf(SPECIAL_COLUMNS) * mean / s->level[t]);
-        }
-        while (s->width % CHIARO_LANES)
-            take_column(s, 0, 0);
-    }
-    for (uint32_t c = groups; c < 4; c++)
-        s->begin[c] = s->width;
-}
-
-/* What a column weighs in the block's error. */
-static double column_energy(const FitScratch *s, uint32_t k)
-{
-    double level = (double)s->level[s->columns[k]] * (double)s->column_scale[k];
-    return level * level;
-}
-
-static void load_light(const FitScratch *s, const float *table_row, uint32_t first, uint32_t count, float *out)
-{
-    chiaro_pick(table_row, s->columns + first, s->column_scale + first, count, out);
-}
+/* --- targets --- */
 
 /* Irradiance of the rows under the columns that count. */
 static void collect_target(FitScratch *s)
 {
     const FitRows *rows = s->rows;
-    size_t columns = s->task.baker->columns;
     for (uint32_t r = 0; r < rows->count; r++) {
         if (rows->target[r])
-            load_light(s, rows->target[r], 0, s->width, s->target + (size_t)r * s->width);
+            chiaro_columns_load(&s->columns, rows->target[r], 0, 0, s->columns.width, s->target + (size_t)r * s->columns.width);
         else
-            memset(s->target + (size_t)r * s->width, 0, s->width * sizeof *s->target);
+            memset(s->target + (size_t)r * s->columns.width, 0, s->columns.width * sizeof *s->target);
     }
     if (rows->target[0])
         return;
-    for (uint32_t first = 0; first < s->width; first += COLUMN_CHUNK) {
-        uint32_t count = s->width - first < COLUMN_CHUNK ? s->width - first : COLUMN_CHUNK;
+    for (uint32_t first = 0; first < s->columns.width; first += COLUMN_CHUNK) {
+        uint32_t count = s->columns.width - first < COLUMN_CHUNK ? s->columns.width - first : COLUMN_CHUNK;
         for (uint32_t l = 0; l < rows->leaf_count; l++) {
-            load_light(s, s->task.truth + rows->leaves[l] * columns, first, count, s->chunk);
+            chiaro_columns_load(&s->columns, s->task.truth, rows->leaves[l], first, count, s->chunk);
             for (uint32_t r = 0; r < rows->count; r++) {
                 float weight = rows->form[(size_t)r * rows->leaf_count + l];
                 if (weight > 0)
-                    chiaro_axpy(s->target + (size_t)r * s->width + first, weight, s->chunk, count);
+                    chiaro_axpy(s->target + (size_t)r * s->columns.width + first, weight, s->chunk, count);
             }
         }
     }
@@ -287,26 +194,22 @@ static void measure_loose(FitScratch *s)
 {
     const FitRows *rows = s->rows;
     const float *energy = s->task.energy;
-    double here = 0, all = 0, sum = 0, square = 0;
-    s->loose = 0, s->lights = INFINITY;
-    if (!energy)
+    double here = 0, all = 0;
+    s->loose = 0;
+    if (!energy) {
+        s->columns.lights = INFINITY; /* what is taught is all there is */
         return;
-    for (uint32_t k = 0; k < s->width; k++) {
-        double own = column_energy(s, k);
-        sum += own, square += own * own;
     }
-    s->lights = square > 0 ? sum * sum / square : 1;
-    for (uint32_t l = 0; l < rows->leaf_count; l += LEVEL_STEP) {
-        const float *light = s->task.truth + (size_t)rows->leaves[l] * s->task.baker->columns;
+    for (uint32_t l = 0; l < rows->leaf_count; l += LEAF_STEP) {
         double share = 0;
         for (uint32_t r = 0; r < rows->count; r++) {
             double form = rows->form[(size_t)r * rows->leaf_count + l];
             share += form * form;
         }
         all += share * energy[rows->leaves[l]];
-        for (uint32_t first = 0; first < s->width; first += COLUMN_CHUNK) {
-            uint32_t count = s->width - first < COLUMN_CHUNK ? s->width - first : COLUMN_CHUNK;
-            load_light(s, light, first, count, s->chunk);
+        for (uint32_t first = 0; first < s->columns.width; first += COLUMN_CHUNK) {
+            uint32_t count = s->columns.width - first < COLUMN_CHUNK ? s->columns.width - first : COLUMN_CHUNK;
+            chiaro_columns_load(&s->columns, s->task.truth, rows->leaves[l], first, count, s->chunk);
             here += share * chiaro_dot(s->chunk, s->chunk, count);
         }
     }
@@ -382,14 +285,12 @@ static void collect_gram(FitScratch *s)
 {
     uint32_t n = s->rows->count;
     size_t stride = padded(s->rows->leaf_count);
-    for (uint32_t i = 0; i < n; i++) {
-        for (uint32_t j = 0; j <= i; j++) {
-            double product = chiaro_dot(s->target + (size_t)i * s->width, s->target + (size_t)j * s->width, s->width);
-            if (s->loose > 0)
-                product += chiaro_dot(s->bright + i * stride, s->bright + j * stride, stride);
-            s->gram[(size_t)i * n + j] = s->gram[(size_t)j * n + i] = product;
-        }
-    }
+    chiaro_gram(s->target, n, s->columns.width, s->columns.width, s->gram);
+    if (!(s->loose > 0))
+        return;
+    chiaro_gram(s->bright, n, stride, stride, s->system);
+    for (size_t k = 0; k < (size_t)n * n; k++)
+        s->gram[k] += s->system[k];
 }
 
 /* Chooses at most `most` patterns for the block at hand. Returns their number; `lost`: the part of its light, squared, that
@@ -456,11 +357,11 @@ static uint32_t choose_split(const FitScratch *s)
 static void collect_wanted(FitScratch *s, uint32_t rank)
 {
     uint32_t n = s->count;
-    memset(s->wanted, 0, (size_t)rank * s->width * sizeof *s->wanted);
+    memset(s->wanted, 0, (size_t)rank * s->columns.width * sizeof *s->wanted);
     for (uint32_t p = 0; p < rank; p++) {
         for (uint32_t r = 0; r < n; r++)
-            chiaro_axpy(s->wanted + (size_t)p * s->width, (float)s->pattern[(size_t)p * n + r],
-                        s->target + (size_t)(s->first + r) * s->width, s->width);
+            chiaro_axpy(s->wanted + (size_t)p * s->columns.width, (float)s->pattern[(size_t)p * n + r],
+                        s->target + (size_t)(s->first + r) * s->columns.width, s->columns.width);
     }
 }
 
@@ -517,36 +418,11 @@ static void collect_form(FitScratch *s, uint32_t rank)
 
 /* --- cut --- */
 
-/* A part of the training lights that stands for all: most of them drawn by their energy here, so that those that matter are
- * there and weigh as they should; some evenly, so that the cut hears of lamps behind the walls. Returns their number. */
-static uint32_t sample_columns(FitScratch *s, float offset)
-{
-    double all = 0, sum = 0, next;
-    uint32_t count = 0, even = (s->width + EVEN_COLUMNS - 1) / EVEN_COLUMNS;
-    for (uint32_t k = 0; k < s->width; k++)
-        all += column_energy(s, k);
-    double step = all / (CUT_COLUMNS - EVEN_COLUMNS);
-    next = step * (double)offset;
-    for (uint32_t k = 0; k < s->width; k++) {
-        uint32_t hits = 0;
-        for (sum += column_energy(s, k); next < sum && step > 0; next += step)
-            hits++;
-        double energy = column_energy(s, k), scale = energy > 0 ? sqrt(hits * step / energy) : 0;
-        if (hits == 0 && k % even == 0)
-            scale = 1;
-        if (scale > 0 && s->column_scale[k] > 0 && count < CUT_COLUMNS)
-            s->sub_columns[count] = s->columns[k], s->sub_scale[count++] = s->column_scale[k] * (float)scale;
-    }
-    for (; count % CHIARO_LANES; count++)
-        s->sub_columns[count] = 0, s->sub_scale[count] = 0;
-    return count;
-}
-
 static uint32_t make_cut(FitScratch *s, uint32_t rank, uint32_t most, uint64_t seed, uint32_t *nodes)
 {
     const FitRows *rows = s->rows;
     ChiaroRandom random = chiaro_random_seed(seed, 0xc07);
-    uint32_t leaves = rows->leaf_count, count;
+    uint32_t leaves = rows->leaf_count;
     memset(s->probes, 0, (size_t)leaves * CUT_PROBES * sizeof *s->probes);
     for (uint32_t p = 0; p < rank; p++) {
         uint32_t bits = chiaro_random_bits(&random);
@@ -558,9 +434,8 @@ static uint32_t make_cut(FitScratch *s, uint32_t rank, uint32_t most, uint64_t s
             }
         }
     }
-    count = sample_columns(s, chiaro_random_float(&random));
-    CutTask task = {rows->leaves, leaves, s->probes, s->task.truth, s->sub_columns, s->sub_scale, count,
-                    s->task.energy, s->loose};
+    chiaro_columns_thin(&s->columns, CUT_COLUMNS, EVEN_COLUMNS, chiaro_random_float(&random), &s->few);
+    CutTask task = {rows->leaves, leaves, s->probes, s->task.truth, &s->few, s->task.energy, s->loose};
     return chiaro_cut_make(s->cut, &task, most, nodes);
 }
 
@@ -587,15 +462,15 @@ static void collect_prior(FitScratch *s, uint32_t channel, uint32_t rank, const 
     }
 }
 
-/* Normal equations of one channel, ridge regression about the form factors: the matrix (its lower triangle) in `system`, the
- * right sides in `right`. */
+/* Normal equations of one channel, ridge regression about the form factors: the matrix in `system`, the right sides in
+ * `right`. */
 static void normal_equations(FitScratch *s, uint32_t channel, uint32_t rank, const uint32_t *nodes, uint32_t n)
 {
-    uint32_t begin = s->begin[channel], width = s->begin[channel + 1] - begin;
+    uint32_t begin = s->columns.begin[channel], width = s->columns.begin[channel + 1] - begin;
     double mean = 0;
     memset(s->ridge, 0, n * sizeof *s->ridge);
     for (uint32_t p = 0; p < rank; p++) {
-        const float *wanted = s->wanted + (size_t)p * s->width + begin;
+        const float *wanted = s->wanted + (size_t)p * s->columns.width + begin;
         double size = sqrt((double)chiaro_dot(wanted, wanted, width));
         for (uint32_t i = 0; i < n && size > 0; i++)
             s->ridge[i] += fabs(s->prior[(size_t)p * n + i]) / size;
@@ -606,43 +481,68 @@ static void normal_equations(FitScratch *s, uint32_t channel, uint32_t rank, con
         double freedom = s->ridge[i] + FREEDOM_OF_MEAN * mean;
         s->ridge[i] = freedom > 0 ? FIT_NOISE * FIT_NOISE / (freedom * freedom) : 1;
     }
+    chiaro_gram(s->light + begin, n, s->columns.width, width, s->system);
     for (uint32_t i = 0; i < n; i++) {
-        const float *row = s->light + (size_t)i * s->width + begin;
-        for (uint32_t j = 0; j <= i; j++)
-            s->system[(size_t)i * n + j] = chiaro_dot(row, s->light + (size_t)j * s->width + begin, width);
+        const float *row = s->light + (size_t)i * s->columns.width + begin;
         s->system[(size_t)i * n + i] = s->system[(size_t)i * n + i] * (1 + ROUNDING) + s->ridge[i] + 1e-30;
         if (s->loose > 0)
             s->system[(size_t)i * n + i] += s->loose * s->task.energy[nodes[i]];
         for (uint32_t p = 0; p < rank; p++)
-            s->right[(size_t)p * n + i] = chiaro_dot(row, s->wanted + (size_t)p * s->width + begin, width) +
+            s->right[(size_t)p * n + i] = chiaro_dot(row, s->wanted + (size_t)p * s->columns.width + begin, width) +
                                           s->ridge[i] * s->prior[(size_t)p * n + i] + s->pull[(size_t)p * n + i];
     }
+}
+
+/* Patterns that a row can pay for: the square of their number is about `rank_square` K. Those that are kept exact are there
+ * in any case. */
+static uint32_t pattern_room(const FitScratch *s, double rank_square)
+{
+    double fixed = s->task.baker->sky_count ? MOST_FIXED : 1, best = fmax(fixed, floor(sqrt(rank_square * s->links) + 0.5));
+    return (uint32_t)fmin(fmin(best, s->count), CHIARO_BLOCK_RANK);
+}
+
+/* Nodes that are left to pay for with K multiply-adds a row, K = rank (1 + nodes / rows). */
+static uint32_t node_room(const FitScratch *s, uint32_t rank)
+{
+    double each = s->count * (s->links / (rank ? rank : 1) - 1);
+    return (uint32_t)fmin(CHIARO_BLOCK_NODES, fmax(fmin(s->links, LEAST_NODES), each));
 }
 
 static void load_nodes(FitScratch *s, const uint32_t *nodes, uint32_t n)
 {
     for (uint32_t i = 0; i < n; i++)
-        load_light(s, s->task.feature + (size_t)nodes[i] * s->task.baker->columns, 0, s->width,
-                   s->light + (size_t)i * s->width);
+        chiaro_columns_load(&s->columns, s->task.feature, nodes[i], 0, s->columns.width, s->light + (size_t)i * s->columns.width);
 }
 
-/* Leaves `most` of n nodes. Returns how many there are. */
-static uint32_t thin_out(FitScratch *s, uint32_t rank, uint32_t *nodes, uint32_t n, uint32_t most)
+/* Many patterns and few nodes, or the other way round: a fine cut is thinned out to what each number of patterns leaves room
+ * for, and what is left of its fit says which is best. Returns the number of nodes. */
+static uint32_t thin_out(FitScratch *s, uint32_t least, uint32_t *rank, uint32_t *nodes, uint32_t n)
 {
     Prune *prune = &s->prune;
-    if (n <= most)
-        return n;
+    uint32_t count = 0, most = *rank;
+    double best = -INFINITY;
     load_nodes(s, nodes, n);
     memcpy(prune->nodes, nodes, n * sizeof *nodes);
-    prune->count = n, prune->rank = rank;
+    memset(prune->gain, 0, sizeof prune->gain);
+    prune->count = n, prune->rank = most;
     for (uint32_t c = 0; c < s->task.channels; c++) {
-        collect_prior(s, c, rank, nodes, n);
-        normal_equations(s, c, rank, nodes, n);
+        collect_prior(s, c, most, nodes, n);
+        normal_equations(s, c, most, nodes, n);
         chiaro_prune_set(prune, c, s->system, s->right);
+        for (size_t k = 0; k < (size_t)most * n; k++) /* the pull toward the form factors is no error */
+            prune->gain[k / n] -= s->prior[k] * s->prior[k] * s->ridge[k % n];
     }
-    chiaro_prune(prune, most);
-    memcpy(nodes, prune->nodes, prune->count * sizeof *nodes);
-    return prune->count;
+    for (uint32_t few = least; few <= most; few++) {
+        double gain = 0;
+        chiaro_prune(prune, node_room(s, few));
+        for (uint32_t p = 0; p < few; p++)
+            gain += prune->gain[p];
+        if (gain > best) {
+            best = gain, *rank = few, count = prune->count;
+            memcpy(nodes, prune->nodes, count * sizeof *nodes);
+        }
+    }
+    return count;
 }
 
 /* Moves the weights, at the least cost to the fit, so that the uniform sky and the uniform field come out exactly. */
@@ -686,19 +586,17 @@ static void measure_error(FitScratch *s, const Fitter *fitter, double error[2])
     uint32_t rank = fitter->done.block.rank, n = fitter->done.block.node_count;
     const float *energy = s->task.energy;
     size_t all_rows = s->rows->count;
-    error[0] = error[1] = 0;
     for (uint32_t r = s->first; r < s->first + s->count; r++)
-        error[1] += s->gram[r * all_rows + r];
-    error[0] = error[1];
+        error[0] += s->gram[r * all_rows + r], error[1] += s->gram[r * all_rows + r];
     for (uint32_t p = 0; p < rank; p++) {
-        float *wanted = s->wanted + (size_t)p * s->width;
-        error[0] -= chiaro_dot(wanted, wanted, s->width);
+        float *wanted = s->wanted + (size_t)p * s->columns.width;
+        error[0] -= chiaro_dot(wanted, wanted, s->columns.width);
         for (uint32_t c = 0; c < s->task.channels; c++) {
             for (uint32_t i = 0; i < n; i++)
-                chiaro_axpy(wanted + s->begin[c], -fitter->done.weights[((size_t)c * rank + p) * n + i],
-                            s->light + (size_t)i * s->width + s->begin[c], s->begin[c + 1] - s->begin[c]);
+                chiaro_axpy(wanted + s->columns.begin[c], -fitter->done.weights[((size_t)c * rank + p) * n + i],
+                            s->light + (size_t)i * s->columns.width + s->columns.begin[c], s->columns.begin[c + 1] - s->columns.begin[c]);
         }
-        error[0] += chiaro_dot(wanted, wanted, s->width);
+        error[0] += chiaro_dot(wanted, wanted, s->columns.width);
         /* The loose light that the pattern wants adds to what it cannot say once and leaves again; this is what remains. */
         for (uint32_t i = 0; i < n && s->loose > 0; i++) {
             double weight = fitter->done.weights[(size_t)p * n + i];
@@ -707,27 +605,15 @@ static void measure_error(FitScratch *s, const Fitter *fitter, double error[2])
     }
 }
 
-/* Patterns and nodes that a row can pay with K multiply-adds, K = rank (1 + nodes / rows), where rank^2 is about
- * `rank_square` K. The patterns that are kept exact are there in any case. */
-static void deal(const FitScratch *s, uint32_t rows, double rank_square, uint32_t *rank, uint32_t *nodes)
-{
-    uint32_t links = s->task.links, fixed = s->task.baker->sky_count ? MOST_FIXED : 1;
-    double best = fmax(fixed, floor(sqrt(rank_square * links) + 0.5));
-    best = fmin(fmin(best, rows), CHIARO_BLOCK_RANK);
-    double each = rows * (links / best - 1);
-    *rank = (uint32_t)best;
-    *nodes = (uint32_t)fmin(CHIARO_BLOCK_NODES, fmax(fmin(links, LEAST_NODES), each));
-}
-
-/* Makes the block at hand of the first `rank` patterns and at most `most` nodes. */
-static void fit_block(Fitter *fitter, uint32_t rank, uint32_t most, uint64_t seed, double error[2])
+/* Makes the block at hand, of at least `least` and at most `rank` patterns. */
+static void fit_block(Fitter *fitter, uint32_t least, uint32_t rank, uint64_t seed, double error[2])
 {
     FitScratch *s = fitter->scratch;
     collect_wanted(s, rank);
     collect_form(s, rank);
-    uint32_t fine = (uint32_t)fmin(FINER * most, CHIARO_BLOCK_NODES);
+    uint32_t fine = (uint32_t)fmin(FINER * node_room(s, least), CHIARO_BLOCK_NODES);
     uint32_t n = rank ? make_cut(s, rank, fine, seed, fitter->done.nodes) : 0;
-    n = thin_out(s, rank, fitter->done.nodes, n, most);
+    n = n ? thin_out(s, least, &rank, fitter->done.nodes, n) : 0;
     load_nodes(s, fitter->done.nodes, n);
     fitter->done.block = (ChiaroBlock){.first_row = s->first, .row_count = s->count, .node_count = n, .rank = rank,
                                   .channels = s->task.channels};
@@ -746,12 +632,13 @@ static void fit_block(Fitter *fitter, uint32_t rank, uint32_t most, uint64_t see
     measure_error(s, fitter, error);
 }
 
-/* The block that is done goes to `other`, whose room becomes free. */
-static void swap_blocks(Fitter *fitter, FitBlock *other)
+/* What rows count, in the mean: detail that is finer than it need be for its light pays for fewer links. */
+static double mean_share(const FitRows *rows, uint32_t first, uint32_t count)
 {
-    FitBlock block = fitter->done;
-    fitter->done = *other;
-    *other = block;
+    double sum = 0;
+    for (uint32_t r = first; r < first + count; r++)
+        sum += rows->share ? (double)rows->share[r] : 1;
+    return fmax(LEAST_SHARE, sum / count);
 }
 
 /* Fits the rows [first, first + count). */
@@ -759,32 +646,16 @@ static bool fit_range(Fitter *fitter, uint32_t first, uint32_t count, uint64_t s
                       double error[2])
 {
     FitScratch *s = fitter->scratch;
-    uint32_t rank, most;
-    double lost, best[2], tried[2], patterns = fmin(PATTERNS, fmax(LEAST_PATTERNS, s->lights / LIGHTS_A_PATTERN));
-    s->first = first, s->count = count;
-    deal(s, count, patterns, &rank, &most);
-    rank = choose_patterns(s, rank, &lost);
-    if (lost > s->task.tolerance * s->task.tolerance && count >= 2 * LEAST_BLOCK) {
+    double lost, patterns = fmin(PATTERNS, fmax(LEAST_PATTERNS, s->columns.lights / LIGHTS_A_PATTERN));
+    double share = mean_share(s->rows, first, count), tolerance = s->task.tolerance / share;
+    s->first = first, s->count = count, s->links = share * s->task.links;
+    uint32_t least = pattern_room(s, patterns * FEWEST_PATTERNS), rank = choose_patterns(s, pattern_room(s, patterns), &lost);
+    if (lost > tolerance * tolerance && count >= 2 * LEAST_BLOCK) {
         uint32_t left = choose_split(s);
         return fit_range(fitter, first, left, seed, emit, user, error) &&
                fit_range(fitter, first + left, count - left, seed, emit, user, error);
     }
-    /* Many patterns and few nodes, or the other way round: what is better only the fit can tell. */
-    fit_block(fitter, rank, most, seed + first, best);
-    for (size_t k = 0; k < sizeof FEWER_PATTERNS / sizeof *FEWER_PATTERNS; k++) {
-        uint32_t few, more;
-        deal(s, count, patterns * FEWER_PATTERNS[k], &few, &more);
-        if (few >= rank || more <= most)
-            continue;
-        swap_blocks(fitter, &s->other);
-        fit_block(fitter, few, more, seed + first, tried);
-        if (!(tried[0] < best[0])) {
-            swap_blocks(fitter, &s->other);
-            break;
-        }
-        best[0] = tried[0], rank = few, most = more;
-    }
-    error[0] += best[0], error[1] += best[1];
+    fit_block(fitter, least < rank ? least : rank, rank, seed + first, error);
     return emit(fitter, user);
 }
 
@@ -792,8 +663,7 @@ bool chiaro_fitter_fit(Fitter *fitter, const FitRows *rows, uint64_t seed, FitEm
 {
     FitScratch *s = fitter->scratch;
     s->rows = rows;
-    measure_level(s);
-    choose_columns(s);
+    chiaro_columns_choose(&s->columns, &s->task, rows);
     collect_target(s);
     measure_loose(s);
     collect_uniform(s);

@@ -15,6 +15,7 @@ typedef struct FitTask {
     uint32_t channels;    /* 1 or 3 */
     float tolerance;      /* rows whose patterns cannot say this part of their light (relRMSE) are cut into blocks */
     bool all_bounces;     /* rows are samples: form factors tell the first bounce only, see spread_light() */
+    bool more;            /* baker->more is looked at too; for one channel only */
     const float *energy;  /* [node]: mean square of its light if every leaf shone for itself; NULL: light is as in training */
 } FitTask;
 
@@ -24,6 +25,7 @@ typedef struct FitRows {
     const uint32_t *leaves;  /* that any of them receives from, in their order */
     uint32_t leaf_count;
     const float *form;       /* [row][leaf of the block] */
+    const float *share;      /* what each row counts, at most 1; NULL: 1 */
     const float *target[CHIARO_BLOCK_ROWS]; /* irradiance wanted, by column; NULL: form factors times truth */
 } FitRows;
 

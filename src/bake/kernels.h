@@ -11,7 +11,10 @@ enum { CHIARO_LANES = 16 };
 float chiaro_dot(const float *a, const float *b, size_t n);
 /* y[i] += s * x[i]; n is a multiple of CHIARO_LANES. */
 void chiaro_axpy(float *restrict y, float s, const float *restrict x, size_t n);
+/* The same in double precision; any n. */
 void chiaro_axpy_double(double *restrict y, double s, const double *restrict x, size_t n);
+/* out[i * count + j] = the product of rows i and j, which lie `stride` apart; n is a multiple of CHIARO_LANES. */
+void chiaro_gram(const float *rows, size_t count, size_t stride, size_t n, double *out);
 /* out[i] = row[columns[i]] * scale[i]. */
 void chiaro_pick(const float *row, const uint32_t *columns, const float *scale, size_t n, float *out);
 

@@ -37,7 +37,6 @@ typedef struct Worker {
     RowEntry *entries;   /* receivers: rows of the block, one after the other */
     uint32_t *leaves, *place; /* leaves of the block, and the place of each leaf among them */
     float *form;         /* [row][leaf of the block] */
-    float *sum;          /* samples: one row of columns for each pattern */
     bool failed;
 } Worker;
 
@@ -74,39 +73,6 @@ static bool keep_block(const Fitter *fitter, void *user)
 
 /* --- samples --- */
 
-/* What the samples of a block carry at run time, for every training light: direct light, and what the links give. */
-static void carry(const Baker *baker, const Fitted *fitted, float *sums)
-{
-    const ChiaroBlock *block = &fitted->block;
-    uint32_t columns = baker->columns;
-    const float *shares = fitted->weights + block->first_share;
-    for (uint32_t r = 0; r < block->row_count; r++) {
-        size_t s = block->first_row + r;
-        memcpy(baker->carried + s * columns, baker->direct + s * columns, columns * sizeof *baker->carried);
-    }
-    for (uint32_t c = 0; c < block->channels; c++) {
-        for (uint32_t p = 0; p < block->rank; p++) {
-            const float *weights = fitted->weights + ((size_t)c * block->rank + p) * block->node_count;
-            memset(sums + (size_t)p * columns, 0, columns * sizeof *sums);
-            for (uint32_t i = 0; i < block->node_count; i++)
-                chiaro_axpy(sums + (size_t)p * columns, weights[i], baker->direct + (size_t)fitted->nodes[i] * columns,
-                            columns);
-        }
-        for (uint32_t r = 0; r < block->row_count; r++) {
-            size_t s = block->first_row + r;
-            float *irradiance = sums + (size_t)block->rank * columns;
-            memset(irradiance, 0, columns * sizeof *irradiance);
-            for (uint32_t p = 0; p < block->rank; p++)
-                chiaro_axpy(irradiance, shares[(size_t)p * block->row_count + r], sums + (size_t)p * columns, columns);
-            for (uint32_t t = 0; t < columns; t++) {
-                if (block->channels == 1 || baker->column_channel[t] == c)
-                    baker->carried[s * columns + t] +=
-                        baker->samples[s].albedo[baker->column_channel[t]] * fmaxf(0, irradiance[t]);
-            }
-        }
-    }
-}
-
 /* Any sample may send light to any other after some bounces; of the sky, only what is seen. */
 static void link_samples(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
@@ -128,8 +94,6 @@ static void link_samples(uint32_t begin, uint32_t end, uint32_t thread, void *us
         Run *run = &job->runs[b];
         run->first_row = first;
         worker->failed = !chiaro_fitter_fit(&worker->fitter, &rows, b, keep_block, run, run->error);
-        for (const Fitted *fitted = run->first; fitted && !worker->failed; fitted = fitted->next)
-            carry(baker, fitted, worker->sum);
     }
 }
 
@@ -168,7 +132,8 @@ static void link_receivers(uint32_t begin, uint32_t end, uint32_t thread, void *
     uint32_t rays = baker->desc.rays;
     for (uint32_t b = begin; b < end && !worker->failed; b++) {
         uint32_t first = job->begin[b], counts[CHIARO_BLOCK_ROWS], leaves = 0;
-        FitRows rows = {.count = job->begin[b + 1] - first, .leaves = worker->leaves, .form = worker->form};
+        FitRows rows = {.count = job->begin[b + 1] - first, .leaves = worker->leaves, .form = worker->form,
+                        .share = baker->receiver_share + first};
         memset(worker->place, 0, baker->leaf_count * sizeof *worker->place);
         for (uint32_t r = 0; r < rows.count; r++) {
             ChiaroReceiver *receiver = &baker->receivers[first + r];
@@ -245,10 +210,8 @@ static bool worker_create(Worker *worker, const FitTask *task)
     worker->place = malloc(baker->leaf_count * sizeof *worker->place);
     worker->form = malloc((size_t)CHIARO_BLOCK_ROWS * baker->leaf_count * sizeof *worker->form);
     bool ready = worker->leaves && worker->place && worker->form;
-    if (task->all_bounces) {
-        worker->sum = malloc(((size_t)CHIARO_BLOCK_RANK + 1) * baker->columns * sizeof *worker->sum);
-        return ready && worker->sum;
-    }
+    if (task->all_bounces)
+        return ready;
     worker->entries = malloc((size_t)CHIARO_BLOCK_ROWS * baker->desc.rays * sizeof *worker->entries);
     return ready && worker->entries && chiaro_row_scratch_create(baker, baker->desc.rays, &worker->rays);
 }
@@ -261,7 +224,6 @@ static void worker_destroy(Worker *worker)
     free(worker->leaves);
     free(worker->place);
     free(worker->form);
-    free(worker->sum);
 }
 
 /* Fits `count` runs of rows. `error`: relRMSE over the training lights; `cost`: multiply-adds a row and channel. */
@@ -309,34 +271,84 @@ static ChiaroResult fit_runs(Baker *baker, const FitTask *task, const uint32_t *
     return result;
 }
 
-ChiaroResult chiaro_bake_sample_links(Baker *baker)
+typedef struct Carry {
+    const Baker *baker;
+    const float *direct;
+    uint32_t columns;
+    const uint8_t *channel;
+    float *irradiance, *sums; /* sums: CHIARO_BLOCK_RANK rows for each thread */
+} Carry;
+
+static void gather_blocks(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
-    uint32_t columns = baker->columns;
-    uint32_t *begin = malloc(((size_t)baker->sample_count + 1) * sizeof *begin);
-    baker->carried = malloc((size_t)baker->node_count * columns * sizeof *baker->carried);
-    if (!begin || !baker->carried) {
-        free(begin);
-        return CHIARO_ERROR_MEMORY;
+    const Carry *carry = user;
+    const LinkTable *links = &carry->baker->sample_links;
+    uint32_t columns = carry->columns;
+    float *sums = carry->sums + (size_t)thread * (CHIARO_BLOCK_RANK + 1) * columns, *all = sums + (size_t)CHIARO_BLOCK_RANK * columns;
+    for (uint32_t b = begin; b < end; b++) {
+        const ChiaroBlock *block = &links->blocks[b];
+        for (uint32_t c = 0; c < block->channels; c++) {
+            const float *weights = links->weights + block->first_weight + (size_t)c * block->rank * block->node_count;
+            for (uint32_t p = 0; p < block->rank; p++) {
+                memset(sums + (size_t)p * columns, 0, columns * sizeof *sums);
+                for (uint32_t i = 0; i < block->node_count; i++)
+                    chiaro_axpy(sums + (size_t)p * columns, weights[(size_t)p * block->node_count + i],
+                                carry->direct + (size_t)links->nodes[block->first_node + i] * columns, columns);
+            }
+            for (uint32_t r = 0; r < block->row_count; r++) {
+                float *irradiance = carry->irradiance + ((size_t)block->first_row + r) * columns;
+                memset(all, 0, columns * sizeof *all);
+                for (uint32_t p = 0; p < block->rank; p++)
+                    chiaro_axpy(all, links->weights[block->first_share + (size_t)p * block->row_count + r],
+                                sums + (size_t)p * columns, columns);
+                for (uint32_t t = 0; t < columns; t++)
+                    irradiance[t] = block->channels == 1 || carry->channel[t] == c ? all[t] : irradiance[t];
+            }
+        }
     }
-    uint32_t count = deal_samples(baker, baker->root, begin, 0);
-    begin[count] = baker->sample_count;
-    for (uint32_t s = baker->sample_count; s < baker->leaf_count; s++)
-        memcpy(baker->carried + (size_t)s * columns, baker->direct + (size_t)s * columns, columns * sizeof *baker->carried);
-    FitTask task = {baker, baker->direct, baker->direct, baker->desc.links, baker->grey ? 1 : 3, SAMPLE_TOLERANCE, true, NULL};
-    ChiaroResult result = fit_runs(baker, &task, begin, count, link_samples, &baker->sample_links,
-                              &baker->info.sample_fit_error, &baker->info.sample_links);
-    free(begin);
-    if (result == CHIARO_OK)
-        chiaro_bake_tree_sum(baker, baker->carried, columns);
+}
+
+ChiaroResult chiaro_bake_gather(const Baker *baker, const float *direct, uint32_t columns, const uint8_t *channel,
+                                float *irradiance)
+{
+    Carry carry = {baker, direct, columns, channel, irradiance, NULL};
+    carry.sums = malloc((size_t)baker->desc.threads * (CHIARO_BLOCK_RANK + 1) * columns * sizeof *carry.sums);
+    if (!carry.sums)
+        return CHIARO_ERROR_MEMORY;
+    chiaro_parallel_for(baker->desc.threads, baker->sample_links.block_count, 1, gather_blocks, &carry, NULL, NULL);
+    free(carry.sums);
+    return CHIARO_OK;
+}
+
+/* What samples carry at run time, for every training light: direct light, and what the links give. */
+static ChiaroResult carry_light(Baker *baker)
+{
+    size_t columns = baker->columns;
+    baker->carried = malloc(baker->node_count * columns * sizeof *baker->carried);
+    if (!baker->carried)
+        return CHIARO_ERROR_MEMORY;
+    ChiaroResult result = chiaro_bake_gather(baker, baker->direct, baker->columns, baker->column_channel, baker->carried);
+    for (size_t l = 0; l < baker->leaf_count && result == CHIARO_OK; l++) {
+        for (size_t t = 0; t < columns; t++) {
+            float *carried = &baker->carried[l * columns + t];
+            float bounced = l < baker->sample_count ? baker->samples[l].albedo[baker->column_channel[t]] * fmaxf(0, *carried) : 0;
+            *carried = baker->direct[l * columns + t] + bounced;
+        }
+    }
+    chiaro_bake_tree_sum(baker, baker->carried, baker->columns);
+    /* Receivers are lit by what is carried. */
+    free(baker->direct);
+    free(baker->irradiance);
+    baker->direct = baker->irradiance = NULL;
     return result;
 }
 
 /* Mean square of each node's light, over all training lights, if every leaf shone for itself. */
-static float *loose_energy(const Baker *baker)
+static float *loose_energy(const Baker *baker, const float *table)
 {
     float *energy = malloc(baker->node_count * sizeof *energy);
     for (uint32_t n = 0; energy && n < baker->leaf_count; n++) {
-        const float *light = baker->total + (size_t)n * baker->columns;
+        const float *light = table + (size_t)n * baker->columns;
         energy[n] = chiaro_dot(light, light, baker->columns) / (float)baker->columns;
     }
     for (uint32_t n = baker->leaf_count; energy && n < baker->node_count; n++) {
@@ -349,10 +361,26 @@ static float *loose_energy(const Baker *baker)
     return energy;
 }
 
+ChiaroResult chiaro_bake_sample_links(Baker *baker)
+{
+    uint32_t *begin = malloc(((size_t)baker->sample_count + 1) * sizeof *begin);
+    if (!begin)
+        return CHIARO_ERROR_MEMORY;
+    uint32_t count = deal_samples(baker, baker->root, begin, 0);
+    begin[count] = baker->sample_count;
+    FitTask task = {.baker = baker, .truth = baker->direct, .feature = baker->direct, .links = baker->desc.links,
+                    .channels = baker->grey ? 1 : 3, .tolerance = SAMPLE_TOLERANCE, .all_bounces = true};
+    ChiaroResult result = fit_runs(baker, &task, begin, count, link_samples, &baker->sample_links,
+                              &baker->info.sample_fit_error, &baker->info.sample_links);
+    free(begin);
+    return result == CHIARO_OK ? carry_light(baker) : result;
+}
+
 ChiaroResult chiaro_bake_receiver_links(Baker *baker)
 {
-    float *energy = loose_energy(baker);
-    FitTask task = {baker, baker->total, baker->carried, baker->desc.links, 1, RECEIVER_TOLERANCE, false, energy};
+    float *energy = loose_energy(baker, baker->total);
+    FitTask task = {.baker = baker, .truth = baker->total, .feature = baker->carried, .links = baker->desc.links, .channels = 1,
+                    .tolerance = RECEIVER_TOLERANCE, .more = true, .energy = energy};
     if (!energy)
         return CHIARO_ERROR_MEMORY;
     ChiaroResult result = fit_runs(baker, &task, baker->receiver_runs, baker->receiver_run_count, link_receivers,

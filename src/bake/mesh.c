@@ -1,7 +1,7 @@
 /* The drawn mesh: triangles are split until light can be interpolated over them, and every corner gets a receiver.
  *
- * An edge is split if it is long against the distance to what surrounds it (the harmonic mean of the free path, as in
- * irradiance caching: Ward, Rubinstein, Clear 1988). The decision belongs to the edge, by its place alone, so both sides
+ * An edge is split if it is long for the distance to what surrounds it (the harmonic mean of the free path, as in irradiance
+ * caching: Ward, Rubinstein, Clear 1988). The decision belongs to the edge, by its place alone, so both sides
  * agree and no T-junction can open. A triangle with a split edge splits its longest edge too, which keeps it in shape.
  *
  * Corners share a receiver if they share place and normal. A receiver that lies inside a solid (a floor under a block)
@@ -15,8 +15,14 @@
 
 enum { SIZING_RAYS = 32, MAX_ROUNDS = 24, BISECTIONS = 8, USUAL_RUN = 150 /* receivers whose links are fitted together */ };
 
-/* Edge length wanted: this part of the free path there, within limits that follow the number of receivers. */
-static const float EDGE_PART_OF_FREE_PATH = 0.35f, SHORTEST_EDGE = 0.4f, LONGEST_EDGE = 1.5f;
+/* Edge length wanted where surroundings are as far away as the scene's free path, elsewhere with their distance to this power:
+ * near ones ask for short edges, but they are dark and many. In edges of a square of the mean area a receiver; and limits. */
+static const float USUAL_EDGE = 1.2f, DISTANCE_POWER = 1.0f / 3, SHORTEST_EDGE = 0.6f, LONGEST_EDGE = 6;
+/* Vertices, at most: so many for each receiver that was asked for, beyond the scene's own; in all; and where the scene itself
+ * has more than that, so many times its own. */
+static const double MOST_A_RECEIVER = 4, MOST_VERTICES = 160e3, MOST_MORE = 1.25;
+/* A receiver of less area than this part of a square of the shortest edge (fine detail, as it was modelled) counts less. */
+static const float USUAL_PART = 0.02f;
 /* A receiver is moved this part of the way to the middle of its triangles: a corner lies on two walls. */
 static const float INWARD = 0.02f;
 /* More than this share of rays that meet surfaces from behind: the place is inside something. */
@@ -151,7 +157,9 @@ static void size_edges(uint32_t begin, uint32_t end, uint32_t thread, void *user
         RowFacts facts;
         chiaro_row_trace(baker, middle, edge->normal, edge->normal, SIZING_RAYS, 0x20000000u + e,
                          &mesh->scratch[thread], &facts);
-        float wanted = EDGE_PART_OF_FREE_PATH * facts.free_path;
+        /* The sky is far away: where a part of the hemisphere is sky, the mean of 1 / distance is as much less. */
+        float distance = facts.sky < 1 ? facts.free_path / (1 - facts.sky) : INFINITY;
+        float wanted = USUAL_EDGE * mesh->unit * powf(distance / baker->free_path, DISTANCE_POWER);
         /* Inside a solid nobody looks, but the edge that leads out of it matters. */
         edge->wanted = facts.behind > 0.9f ? INFINITY : fmaxf(SHORTEST_EDGE * mesh->unit, wanted);
         edge->wanted = fminf(edge->wanted, LONGEST_EDGE * mesh->unit);
@@ -486,8 +494,9 @@ static bool finish(Receivers *receivers)
     baker->indices = malloc(3 * (size_t)mesh->triangle_count * sizeof *baker->indices);
     baker->receivers = calloc(n, sizeof *baker->receivers);
     baker->receiver_plane = malloc(n * sizeof *baker->receiver_plane);
+    baker->receiver_share = calloc(n, sizeof *baker->receiver_share);
     if (!renamed || !order || !baker->parts || !baker->indices || !baker->receivers || !baker->receiver_plane ||
-        !deal_runs(receivers, order)) {
+        !baker->receiver_share || !deal_runs(receivers, order)) {
         free(renamed);
         free(order);
         return false;
@@ -503,8 +512,16 @@ static bool finish(Receivers *receivers)
         receivers->of_vertex[v] = renamed[receivers->of_vertex[v]];
     free(renamed);
     free(order);
-    for (uint32_t t = 0; t < mesh->triangle_count; t++)
-        baker->parts[mesh->triangles[t].part].index_count += 3;
+    float shortest = SHORTEST_EDGE * mesh->unit, usual = USUAL_PART * shortest * shortest;
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        const Triangle *triangle = &mesh->triangles[t];
+        baker->parts[triangle->part].index_count += 3;
+        for (int k = 0; k < 3; k++)
+            baker->receiver_share[receivers->of_vertex[triangle->vertex[k]]] +=
+                vec3_length(triangle_cross(mesh, triangle)) / (6 * usual);
+    }
+    for (uint32_t r = 0; r < n; r++)
+        baker->receiver_share[r] = fminf(1, baker->receiver_share[r]);
     uint32_t next = 0;
     for (uint32_t p = 0; p < parts; p++) {
         uint32_t count = baker->parts[p].index_count;
@@ -525,6 +542,39 @@ static bool finish(Receivers *receivers)
     return true;
 }
 
+/* Splits edges until all are short enough. Where that takes more vertices than a scene may have, since its surroundings are
+ * near everywhere, or since its own are many already, it begins again with longer edges. */
+static ChiaroResult refine(Mesh *mesh)
+{
+    Baker *baker = mesh->baker;
+    uint32_t most = 0;
+    for (uint32_t round = 0; round < MAX_ROUNDS; round++) {
+        if (round == 0) {
+            mesh->vertex_count = mesh->place_count = mesh->triangle_count = 0;
+            map_free(&mesh->settled);
+            if (!load(mesh))
+                return CHIARO_ERROR_MEMORY;
+            most = (uint32_t)fmin((double)mesh->vertex_count + MOST_A_RECEIVER * (double)baker->desc.receivers,
+                                  fmax(MOST_VERTICES, MOST_MORE * mesh->vertex_count));
+        }
+        Map marks = {0};
+        int64_t marked = mark_edges(mesh, &marks);
+        bool ok = marked >= 0 && (marked == 0 || split_triangles(mesh, &marks));
+        map_free(&marks);
+        if (!ok)
+            return CHIARO_ERROR_MEMORY;
+        if (!chiaro_bake_progress((float)round / MAX_ROUNDS, baker))
+            return CHIARO_ERROR_INTERRUPTED;
+        if (marked == 0)
+            break;
+        if (mesh->vertex_count > most) {
+            mesh->unit *= 1.4142136f;
+            round = UINT32_MAX;
+        }
+    }
+    return CHIARO_OK;
+}
+
 ChiaroResult chiaro_bake_mesh(Baker *baker)
 {
     uint32_t threads = baker->desc.threads;
@@ -536,28 +586,12 @@ ChiaroResult chiaro_bake_mesh(Baker *baker)
         if (!chiaro_row_scratch_create(baker, SIZING_RAYS, &mesh.scratch[t]))
             goto done;
     }
-    if (!mesh.scratch || !load(&mesh))
+    if (!mesh.scratch)
         goto done;
-    for (uint32_t round = 0; round < MAX_ROUNDS; round++) {
-        Map marks = {0};
-        int64_t marked = mark_edges(&mesh, &marks);
-        bool ok = marked >= 0 && (marked == 0 || split_triangles(&mesh, &marks));
-        map_free(&marks);
-        if (!ok)
-            goto done;
-        if (!chiaro_bake_progress((float)round / MAX_ROUNDS, baker)) {
-            result = CHIARO_ERROR_INTERRUPTED;
-            goto done;
-        }
-        if (marked == 0)
-            break;
-        /* Far more than was asked for: thin surroundings everywhere. What remains is interpolated over longer edges. */
-        if (mesh.vertex_count > 3 * baker->desc.receivers) {
-            chiaro_log_write(&baker->desc.log, CHIARO_LOG_WARNING, CHIARO_LOG_BAKE_LIMIT,
-                             "the mesh stays coarser than wished at %u vertices", mesh.vertex_count);
-            break;
-        }
-    }
+    result = refine(&mesh);
+    if (result != CHIARO_OK)
+        goto done;
+    result = CHIARO_ERROR_MEMORY;
     if (!draft_receivers(&receivers))
         goto done;
     chiaro_parallel_for(threads, receivers.count, 64, find_inside, &receivers, NULL, NULL);

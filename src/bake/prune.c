@@ -6,6 +6,8 @@
  */
 #include "prune.h"
 
+#include "kernels.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -46,29 +48,26 @@ void chiaro_prune_destroy(Prune *prune)
     }
 }
 
-/* y += s * x */
-static void add_scaled(double *restrict y, double s, const double *restrict x, uint32_t n)
-{
-    for (uint32_t i = 0; i < n; i++)
-        y[i] += s * x[i];
-}
-
-/* In place: a = its inverse, by Gauss-Jordan; positive definite, so that no pivoting is needed. */
-static void invert(double *a, uint32_t n, uint32_t stride)
+/* In place: the lower triangle of a positive definite matrix becomes that of its inverse, and the upper one follows. Each
+ * step makes one unknown a known (Beaton's sweep); no pivoting is needed. */
+static void invert(double *a, uint32_t n, uint32_t stride, double *column)
 {
     for (uint32_t k = 0; k < n; k++) {
         double *pivot = a + (size_t)k * stride;
-        double inverse = pivot[k] > 0 ? 1 / pivot[k] : 0;
-        pivot[k] = 1;
         for (uint32_t i = 0; i < n; i++)
-            pivot[i] *= inverse;
+            column[i] = i < k ? pivot[i] : a[(size_t)i * stride + k];
+        double inverse = column[k] > 0 ? 1 / column[k] : 0;
         for (uint32_t i = 0; i < n; i++) {
-            double *row = a + (size_t)i * stride, factor = row[k];
-            if (i == k)
-                continue;
-            row[k] = 0;
-            add_scaled(row, -factor, pivot, n);
+            if (i != k)
+                chiaro_axpy_double(a + (size_t)i * stride, -column[i] * inverse, column, i + 1);
         }
+        for (uint32_t i = 0; i < n; i++)
+            *(i < k ? &pivot[i] : &a[(size_t)i * stride + k]) = column[i] * inverse;
+        pivot[k] = -inverse;
+    }
+    for (uint32_t i = 0; i < n; i++) {
+        for (uint32_t j = 0; j <= i; j++)
+            a[(size_t)i * stride + j] = a[(size_t)j * stride + i] = -a[(size_t)i * stride + j];
     }
 }
 
@@ -76,17 +75,16 @@ void chiaro_prune_set(Prune *prune, uint32_t channel, const double *system, cons
 {
     uint32_t n = prune->count, rank = prune->rank;
     double *inverse = prune->inverse[channel], *weights = prune->weights[channel];
-    for (uint32_t i = 0; i < n; i++) {
-        for (uint32_t j = 0; j < n; j++) /* the lower triangle counts */
-            inverse[(size_t)i * prune->capacity + j] = j < i ? system[(size_t)i * n + j] : system[(size_t)j * n + i];
-    }
-    invert(inverse, n, prune->capacity);
+    for (uint32_t i = 0; i < n; i++)
+        memcpy(inverse + (size_t)i * prune->capacity, system + (size_t)i * n, n * sizeof *inverse);
+    invert(inverse, n, prune->capacity, prune->column);
     for (uint32_t i = 0; i < n; i++) {
         for (uint32_t p = 0; p < rank; p++) {
             double sum = 0;
             for (uint32_t j = 0; j < n; j++)
                 sum += inverse[(size_t)i * prune->capacity + j] * right[(size_t)p * n + j];
             weights[(size_t)i * rank + p] = sum;
+            prune->gain[p] += sum * right[(size_t)p * n + i];
         }
     }
 }
@@ -176,9 +174,11 @@ static void take(Prune *prune, const Step *step)
         double freedom = a * column[i] - (merge ? b * column[j] : 0), scale = freedom > 0 ? 1 / freedom : 0;
         for (uint32_t k = 0; k < rank; k++)
             prune->step[k] = (a * w[i * rank + k] - (merge ? b * w[j * rank + k] : 0)) * scale;
+        for (uint32_t k = 0; k < rank; k++)
+            prune->gain[k] -= prune->step[k] * prune->step[k] * freedom;
         for (uint32_t k = 0; k < count; k++) {
-            add_scaled(w + (size_t)k * rank, -column[k], prune->step, rank);
-            add_scaled(p + k * n, -column[k] * scale, column, count);
+            chiaro_axpy_double(w + (size_t)k * rank, -column[k], prune->step, rank);
+            chiaro_axpy_double(p + k * n, -column[k] * scale, column, count);
         }
         if (!merge)
             continue;

@@ -13,6 +13,7 @@ typedef struct Prune {
     uint32_t *nodes;
     double *inverse[3]; /* of the normal matrix: capacity x capacity */
     double *weights[3]; /* [node][pattern] */
+    double gain[CHIARO_BLOCK_RANK]; /* of each pattern: how much less the squared error is than without any weight */
     uint32_t *parent, *place; /* of each node of the tree: its parent; its place in `nodes` */
     double *column, *step;
 } Prune;
@@ -21,10 +22,10 @@ bool chiaro_prune_create(Prune *prune, const Baker *baker, uint32_t capacity, ui
 void chiaro_prune_destroy(Prune *prune);
 
 /* Sets one channel's problem: `system` is the positive definite normal matrix of prune->count nodes, `right` the right sides
- * as [pattern][node]. */
+ * as [pattern][node]; adds to prune->gain. */
 void chiaro_prune_set(Prune *prune, uint32_t channel, const double *system, const double *right);
 
-/* Thins prune->nodes out to at most `most`. */
+/* Thins prune->nodes out to at most `most`; may be called again with fewer. */
 void chiaro_prune(Prune *prune, uint32_t most);
 
 #endif

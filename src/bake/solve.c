@@ -321,36 +321,44 @@ static void solve_blocks(uint32_t begin, uint32_t end, uint32_t thread, void *us
         solve_block(user, block);
 }
 
-/* Every training light is scaled so that its light on the surfaces has mean square 1: a bright lamp teaches no more than a
- * dim one, and a lamp against a wall, nearly all of whose light is one spot, no more than one in the open. A light that
- * reaches no surface (a sky from below the ground) teaches nothing and becomes zero. The uniform columns stay as they are:
- * they are measures of energy. */
-static bool normalize(Baker *baker, float *irradiance)
+ChiaroResult chiaro_bake_column_scales(const Baker *baker, const float *direct, const float *irradiance, uint32_t columns,
+                                       float *scale)
 {
-    uint32_t columns = baker->columns;
     double *square = calloc(2 * (size_t)columns, sizeof *square), *source = square + columns;
     if (!square)
-        return false;
+        return CHIARO_ERROR_MEMORY;
     for (uint32_t l = 0; l < baker->leaf_count; l++) {
         for (uint32_t t = 0; t < columns; t++) {
-            double x = baker->direct[(size_t)l * columns + t];
-            double e = l < baker->sample_count ? irradiance[(size_t)l * columns + t] : 0;
+            double x = direct[(size_t)l * columns + t], e = l < baker->sample_count ? irradiance[(size_t)l * columns + t] : 0;
             source[t] += baker->leaf_weights[l] * x * x;
             square[t] += baker->leaf_weights[l] * e * e;
         }
     }
-    for (uint32_t t = 0; t < baker->uniform_column; t++) {
-        double scale = square[t] > LEAST_LIGHT * source[t] ? sqrt(baker->patches.area / square[t]) : 0;
-        for (uint32_t l = 0; l < baker->leaf_count; l++) {
+    for (uint32_t t = 0; t < columns; t++)
+        scale[t] = square[t] > LEAST_LIGHT * source[t] ? (float)sqrt(baker->patches.area / square[t]) : 0;
+    free(square);
+    return CHIARO_OK;
+}
+
+/* The uniform columns stay as they are: they are measures of energy. */
+static ChiaroResult normalize(Baker *baker)
+{
+    uint32_t columns = baker->columns;
+    float *scale = malloc(columns * sizeof *scale);
+    ChiaroResult result = CHIARO_ERROR_MEMORY;
+    if (scale)
+        result = chiaro_bake_column_scales(baker, baker->direct, baker->irradiance, columns, scale);
+    for (uint32_t l = 0; l < baker->leaf_count && result == CHIARO_OK; l++) {
+        for (uint32_t t = 0; t < baker->uniform_column; t++) {
             size_t at = (size_t)l * columns + t;
-            baker->direct[at] = (float)(baker->direct[at] * scale);
-            baker->total[at] = (float)(baker->total[at] * scale);
+            baker->direct[at] *= scale[t];
+            baker->total[at] *= scale[t];
             if (l < baker->sample_count)
-                irradiance[at] = (float)(irradiance[at] * scale);
+                baker->irradiance[at] *= scale[t];
         }
     }
-    free(square);
-    return true;
+    free(scale);
+    return result;
 }
 
 ChiaroResult chiaro_bake_solve(Baker *baker)
@@ -374,8 +382,9 @@ ChiaroResult chiaro_bake_solve(Baker *baker)
         return CHIARO_ERROR_MEMORY;
     if (!finished)
         return CHIARO_ERROR_INTERRUPTED;
-    if (!normalize(baker, baker->irradiance))
-        return CHIARO_ERROR_MEMORY;
+    result = normalize(baker);
+    if (result != CHIARO_OK)
+        return result;
     chiaro_bake_tree_sum(baker, baker->direct, baker->columns);
     chiaro_bake_tree_sum(baker, baker->total, baker->columns);
     return CHIARO_OK;

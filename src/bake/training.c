@@ -3,6 +3,9 @@
  * Lamps all over the free space (a point somewhere along a ray between two surfaces), suns from every side and skies with
  * wide and narrow lobes where the scene is open, the emitters as they are, all lamps at once, and a uniform field, which is
  * the energy that a row keeps. Light is linear, so a lamp needs only one colour channel: channels take turns.
+ *
+ * A lamp close to a wall lights it as no lamp elsewhere does, so that a receiver asks for more lamps than can be solved for
+ * exactly. Of more lamps, the bounces are taken from the samples' links: where links are wrong, so is what they get.
  */
 #include "../core/samples.h"
 #include "../offline/parallel.h"
@@ -13,7 +16,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LEAST_SUNS = 16, MORE_SUNS = 80, LEAST_SKIES = 16, MORE_SKIES = 752, LEAST_LAMPS = 1536, MOST_LAMPS = 2048 };
+enum { LEAST_SUNS = 16, MORE_SUNS = 80, LEAST_SKIES = 16, MORE_SKIES = 752, LEAST_LAMPS = 1536, MOST_LAMPS = 2048, MORE_BATCHES = 8 };
+static const double MORE_BYTES = 800e6;
 /* A scene this open is taught all suns and skies. */
 static const float OPEN = 0.5f;
 
@@ -21,6 +25,10 @@ typedef struct Training {
     Baker *baker;
     ChiaroLight *lamps; /* lamps, then suns */
     uint32_t lamp_count;
+    float *direct; /* [sample][column]: receives radiosity, for one lamp a column */
+    uint32_t columns;
+    const uint8_t *channel; /* of each column */
+    bool one_point; /* of a sample tells for all of it */
 } Training;
 
 /* A place in the free space: somewhere between a surface and what it sees. False: this ray found nothing. */
@@ -45,9 +53,9 @@ static bool free_place(const Baker *baker, ChiaroRandom *random, float *position
     return true;
 }
 
-static void choose_lamps(Training *training, uint32_t lamps, uint32_t suns)
+static void choose_lamps(Training *training, uint32_t lamps, uint32_t suns, uint64_t stream)
 {
-    ChiaroRandom random = chiaro_random_seed(training->baker->desc.seed, 0x1a3b5);
+    ChiaroRandom random = chiaro_random_seed(training->baker->desc.seed, stream);
     uint32_t tries = 64 * lamps;
     training->lamp_count = 0;
     while (training->lamp_count < lamps && tries--) {
@@ -71,12 +79,14 @@ static void light_samples(uint32_t begin, uint32_t end, uint32_t thread, void *u
     (void)thread;
     for (uint32_t s = begin; s < end; s++) {
         const ChiaroSample *sample = &baker->samples[s];
-        float *row = baker->direct + (size_t)s * baker->columns;
+        float *row = training->direct + (size_t)s * training->columns;
         for (uint32_t p = 0; p < sample->point_count; p++) {
             const ChiaroPoint *point = &baker->points[sample->first_point + p];
             Vec3 normal = vec3_load(point->normal);
             Vec3 surface = vec3_mad(vec3_load(point->position), normal, point->cull);
-            for (uint32_t l = 0; l < training->lamp_count; l++) {
+            uint32_t step = training->one_point ? sample->point_count : 1;
+            float cull = training->one_point ? sample->cull : point->cull, weight = training->one_point ? 1 : point->weight;
+            for (uint32_t l = training->one_point ? p : 0; l < training->lamp_count; l += step) {
                 const ChiaroLight *lamp = &training->lamps[l];
                 Vec3 toward = vec3_scale(vec3_load(lamp->direction), -1);
                 float form;
@@ -85,10 +95,10 @@ static void light_samples(uint32_t begin, uint32_t end, uint32_t thread, void *u
                 } else {
                     Vec3 way = vec3_sub(vec3_load(lamp->position), surface);
                     float distance = vec3_length(way);
-                    form = distance > 0 ? chiaro_point_form(normal, point->cull, vec3_scale(way, 1 / distance), distance) : 0;
+                    form = distance > 0 ? chiaro_point_form(normal, cull, vec3_scale(way, 1 / distance), distance) : 0;
                 }
                 if (form > 0 && chiaro_rays_light_visible(baker->rays, lamp, surface, normal))
-                    row[l] += point->weight * form * sample->albedo[baker->column_channel[l]];
+                    row[l] += weight * form * sample->albedo[training->channel[l]];
             }
         }
     }
@@ -126,6 +136,12 @@ static void paint_skies(Baker *baker, uint32_t first, uint32_t count)
                 plain + width * expf(width * (cosine - 1));
         }
     }
+}
+
+/* Blocks of one channel solve faster. */
+static uint8_t channel_of(const Baker *baker, uint32_t column)
+{
+    return baker->grey ? 0 : (uint8_t)(column / CHIARO_COLUMN_BLOCK % 3);
 }
 
 /* Part of the surfaces' hemispheres that is sky. */
@@ -167,10 +183,11 @@ ChiaroResult chiaro_bake_training(Baker *baker)
         free(training.lamps);
         return CHIARO_ERROR_MEMORY;
     }
-    choose_lamps(&training, lamps, suns);
+    training.direct = baker->direct, training.columns = baker->columns, training.channel = baker->column_channel;
+    choose_lamps(&training, lamps, suns, 0x1a3b5);
     uint32_t next = training.lamp_count;
     for (uint32_t t = 0; t < next + skies; t++)
-        baker->column_channel[t] = grey ? 0 : (uint8_t)(t / CHIARO_COLUMN_BLOCK % 3); /* blocks of one channel solve faster */
+        baker->column_channel[t] = channel_of(baker, t);
     bool finished = chiaro_parallel_for(baker->desc.threads, baker->sample_count, 16, light_samples, &training,
                                         chiaro_bake_progress, baker);
     paint_skies(baker, next, skies);
@@ -198,6 +215,64 @@ ChiaroResult chiaro_bake_training(Baker *baker)
     baker->info.training_lights = next;
     free(training.lamps);
     return finished ? CHIARO_OK : CHIARO_ERROR_INTERRUPTED;
+}
+
+/* What the links make of a batch of lamps goes to columns of baker->more. */
+static void carry_batch(const Training *training, const float *irradiance, const float *scale, uint32_t first)
+{
+    Baker *baker = training->baker;
+    for (uint32_t l = 0; l < baker->leaf_count; l++) {
+        const float *direct = training->direct + (size_t)l * training->columns, *e = irradiance + (size_t)l * training->columns;
+        float *more = baker->more + (size_t)l * baker->more_columns + first;
+        for (uint32_t t = 0; t < training->columns; t++) {
+            more[t] = direct[t];
+            if (l < baker->sample_count)
+                more[t] += baker->samples[l].albedo[training->channel[t]] * fmaxf(0, e[t]);
+            more[t] *= scale[t];
+        }
+    }
+}
+
+ChiaroResult chiaro_bake_more_lamps(Baker *baker)
+{
+    enum { BATCH = 16 * CHIARO_COLUMN_BLOCK };
+    uint8_t channel[BATCH];
+    double batch_bytes = (double)baker->node_count * BATCH * sizeof(float);
+    uint32_t batches = (uint32_t)fmin(MORE_BATCHES, fmax(1, MORE_BYTES / batch_bytes));
+    float scale[BATCH];
+    Training training = {.baker = baker, .columns = BATCH, .channel = channel, .one_point = true};
+    ChiaroResult result = CHIARO_ERROR_MEMORY;
+    baker->more_columns = BATCH * batches;
+    baker->more = malloc((size_t)baker->node_count * baker->more_columns * sizeof *baker->more);
+    training.lamps = calloc(BATCH, sizeof *training.lamps);
+    training.direct = malloc((size_t)baker->node_count * BATCH * sizeof *training.direct);
+    float *irradiance = malloc((size_t)baker->sample_count * BATCH * sizeof *irradiance);
+    for (uint32_t t = 0; t < BATCH; t++)
+        channel[t] = channel_of(baker, t);
+    if (!baker->more || !training.lamps || !training.direct || !irradiance)
+        goto done;
+    for (uint32_t b = 0; b < batches; b++) {
+        memset(training.direct, 0, (size_t)baker->leaf_count * BATCH * sizeof *training.direct);
+        choose_lamps(&training, BATCH, 0, 0x1a3b6 + b);
+        chiaro_parallel_for(baker->desc.threads, baker->sample_count, 16, light_samples, &training, NULL, NULL);
+        chiaro_bake_tree_sum(baker, training.direct, BATCH);
+        result = chiaro_bake_gather(baker, training.direct, BATCH, channel, irradiance);
+        if (result == CHIARO_OK)
+            result = chiaro_bake_column_scales(baker, training.direct, irradiance, BATCH, scale);
+        if (result != CHIARO_OK)
+            goto done;
+        carry_batch(&training, irradiance, scale, b * BATCH);
+        if (!chiaro_bake_progress((float)(b + 1) / (float)batches, baker)) {
+            result = CHIARO_ERROR_INTERRUPTED;
+            goto done;
+        }
+    }
+    chiaro_bake_tree_sum(baker, baker->more, baker->more_columns);
+done:
+    free(training.lamps);
+    free(training.direct);
+    free(irradiance);
+    return result;
 }
 
 void chiaro_bake_tree_sum(const Baker *baker, float *table, uint32_t columns)
