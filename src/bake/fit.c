@@ -29,8 +29,6 @@
 
 enum { COLUMN_CHUNK = 256, LEAF_STEP = 8, MOST_FIXED = 2, EVEN_COLUMNS = 64, LEAST_BLOCK = 4, LEAST_NODES = 8 };
 
-/* Expected error of the fit, as a part of the block's light: the smaller, the further weights may leave the form factors. */
-static const double FIT_NOISE = 0.01;
 /* Part of the light at the receivers' leaves that is of no pattern. What samples receive after many bounces is smooth. */
 static const double LOOSE = 0.3;
 /* Products of light are this exact, being sums of floats. */
@@ -196,10 +194,8 @@ static void measure_loose(FitScratch *s)
     const float *energy = s->task.energy;
     double here = 0, all = 0;
     s->loose = 0;
-    if (!energy) {
-        s->columns.lights = INFINITY; /* what is taught is all there is */
+    if (!energy)
         return;
-    }
     for (uint32_t l = 0; l < rows->leaf_count; l += LEAF_STEP) {
         double share = 0;
         for (uint32_t r = 0; r < rows->count; r++) {
@@ -467,7 +463,7 @@ static void collect_prior(FitScratch *s, uint32_t channel, uint32_t rank, const 
 static void normal_equations(FitScratch *s, uint32_t channel, uint32_t rank, const uint32_t *nodes, uint32_t n)
 {
     uint32_t begin = s->columns.begin[channel], width = s->columns.begin[channel + 1] - begin;
-    double mean = 0;
+    double mean = 0, noise = s->task.noise / sqrt(s->columns.lights);
     memset(s->ridge, 0, n * sizeof *s->ridge);
     for (uint32_t p = 0; p < rank; p++) {
         const float *wanted = s->wanted + (size_t)p * s->columns.width + begin;
@@ -479,7 +475,7 @@ static void normal_equations(FitScratch *s, uint32_t channel, uint32_t rank, con
         mean += s->ridge[i] / n;
     for (uint32_t i = 0; i < n; i++) {
         double freedom = s->ridge[i] + FREEDOM_OF_MEAN * mean;
-        s->ridge[i] = freedom > 0 ? FIT_NOISE * FIT_NOISE / (freedom * freedom) : 1;
+        s->ridge[i] = freedom > 0 ? noise * noise / (freedom * freedom) : 1;
     }
     chiaro_gram(s->light + begin, n, s->columns.width, width, s->system);
     for (uint32_t i = 0; i < n; i++) {
@@ -646,7 +642,8 @@ static bool fit_range(Fitter *fitter, uint32_t first, uint32_t count, uint64_t s
                       double error[2])
 {
     FitScratch *s = fitter->scratch;
-    double lost, patterns = fmin(PATTERNS, fmax(LEAST_PATTERNS, s->columns.lights / LIGHTS_A_PATTERN));
+    double lights = s->task.all_bounces ? INFINITY : s->columns.lights; /* bounces are smooth: what is taught is all there is */
+    double lost, patterns = fmin(PATTERNS, fmax(LEAST_PATTERNS, lights / LIGHTS_A_PATTERN));
     double share = mean_share(s->rows, first, count), tolerance = s->task.tolerance / share;
     s->first = first, s->count = count, s->links = share * s->task.links;
     uint32_t least = pattern_room(s, patterns * FEWEST_PATTERNS), rank = choose_patterns(s, pattern_room(s, patterns), &lost);

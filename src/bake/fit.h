@@ -14,6 +14,8 @@ typedef struct FitTask {
     uint32_t links;       /* K: multiply-adds a row and channel, about */
     uint32_t channels;    /* 1 or 3 */
     float tolerance;      /* rows whose patterns cannot say this part of their light (relRMSE) are cut into blocks */
+    double noise; /* expected error of the fit to one training light, as a part of it: the larger, the closer weights stay to
+                   * the form factors; it falls with the root of the lights that share in a block's light */
     bool all_bounces;     /* rows are samples: form factors tell the first bounce only, see spread_light() */
     bool more;            /* baker->more is looked at too; for one channel only */
     const float *energy;  /* [node]: mean square of its light if every leaf shone for itself; NULL: light is as in training */

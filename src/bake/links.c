@@ -15,6 +15,11 @@
  * the samples' links miss is spread by one more gather, so they may miss more. */
 static const float SAMPLE_TOLERANCE = 0.4f, RECEIVER_TOLERANCE = 0.05f;
 
+/* Form factors of samples tell how light spreads bounce by bounce; a lamp close to a wall was seldom taught. */
+static const double SAMPLE_NOISE = 0.5, RECEIVER_NOISE = 0.15;
+/* Samples are few, and what they get wrong, all receivers get wrong: they have this many times K links. */
+enum { SAMPLE_LINKS = 2 };
+
 /* A block as it came out of the fit. */
 typedef struct Fitted {
     struct Fitted *next; /* of the same run of rows */
@@ -368,8 +373,8 @@ ChiaroResult chiaro_bake_sample_links(Baker *baker)
         return CHIARO_ERROR_MEMORY;
     uint32_t count = deal_samples(baker, baker->root, begin, 0);
     begin[count] = baker->sample_count;
-    FitTask task = {.baker = baker, .truth = baker->direct, .feature = baker->direct, .links = baker->desc.links,
-                    .channels = baker->grey ? 1 : 3, .tolerance = SAMPLE_TOLERANCE, .all_bounces = true};
+    FitTask task = {.baker = baker, .truth = baker->direct, .feature = baker->direct, .links = SAMPLE_LINKS * baker->desc.links,
+                    .noise = SAMPLE_NOISE, .channels = baker->grey ? 1 : 3, .tolerance = SAMPLE_TOLERANCE, .all_bounces = true};
     ChiaroResult result = fit_runs(baker, &task, begin, count, link_samples, &baker->sample_links,
                               &baker->info.sample_fit_error, &baker->info.sample_links);
     free(begin);
@@ -380,7 +385,7 @@ ChiaroResult chiaro_bake_receiver_links(Baker *baker)
 {
     float *energy = loose_energy(baker, baker->total);
     FitTask task = {.baker = baker, .truth = baker->total, .feature = baker->carried, .links = baker->desc.links, .channels = 1,
-                    .tolerance = RECEIVER_TOLERANCE, .more = true, .energy = energy};
+                    .tolerance = RECEIVER_TOLERANCE, .noise = RECEIVER_NOISE, .more = true, .energy = energy};
     if (!energy)
         return CHIARO_ERROR_MEMORY;
     ChiaroResult result = fit_runs(baker, &task, baker->receiver_runs, baker->receiver_run_count, link_receivers,
