@@ -65,7 +65,7 @@ static Numbers compute(void)
     put(&numbers, 2, cube.texels, 4 * 96);
     ChiaroWorldBlockers blockers;
     chiaro_world_blockers(world, &blockers);
-    put(&numbers, 3, &blockers.blockers[0].axes[0][0], 24);
+    put(&numbers, 3, &blockers.blockers[0].radiance[0][0], 18);
     numbers.values[4] = new_array(lit.blob.size, sizeof(float));
     numbers.count[4] = (uint32_t)lit.blob.size;
     for (size_t i = 0; i < lit.blob.size; i++)
