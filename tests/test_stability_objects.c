@@ -97,7 +97,7 @@ typedef struct Look {
     double bad, brightest, sum;
 } Look;
 
-static void look_at(const ChiaroWorld *world, uint32_t id, Look *look)
+static void look_at(ChiaroWorld *world, uint32_t id, Look *look)
 {
     ChiaroObjectState object;
     assert_true(chiaro_object_state(world, id, &object));
@@ -113,7 +113,7 @@ static void look_at(const ChiaroWorld *world, uint32_t id, Look *look)
 }
 
 /* The floor below and about: open shares in 0 .. 1, bounce that is light. */
-static void look_at_floor(const ChiaroWorld *world, Look *look)
+static void look_at_floor(ChiaroWorld *world, Look *look)
 {
     const float up[3] = {0, 1, 0};
     for (int i = 0; i < 41 * 41; i++) {
