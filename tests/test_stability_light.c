@@ -202,6 +202,17 @@ static double flux_of(Bake *bake, const ChiaroLight *lamp, double *brightest)
     return flux;
 }
 
+/* The one that is furthest from edges: near them a second wall takes a part. */
+static Vec3 middle_receiver(const ChiaroTransport *t)
+{
+    Vec3 best = vec3_load(t->receivers[0].position), floor = vec3(1.5f, 0, 2);
+    for (uint32_t r = 1; r < t->receiver_count; r++) {
+        Vec3 place = vec3_load(t->receivers[r].position);
+        best = vec3_length(vec3_sub(place, floor)) < vec3_length(vec3_sub(best, floor)) ? place : best;
+    }
+    return best;
+}
+
 static void awkward_places_are_bounded(void **state)
 {
     Table table = table_begin("lights: awkward places in a closed room, 1 W/sr");
@@ -209,7 +220,7 @@ static void awkward_places_are_bounded(void **state)
     const ChiaroTransport *t = &bake.transport;
     const ChiaroPoint *point = &t->points[t->samples[t->sample_count / 2].first_point];
     Vec3 normal = vec3_load(point->normal), moved = vec3_load(point->position);
-    Vec3 surface = vec3_mad(moved, normal, point->cull), receiver = vec3_load(t->receivers[7].position);
+    Vec3 surface = vec3_mad(moved, normal, point->cull), receiver = middle_receiver(t);
     const struct {
         const char *name;
         Vec3 place;

@@ -1,4 +1,5 @@
 /* Scenes at their extremes: tiny, huge, far away, and full of triangles that should not be. */
+#include <float.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -89,15 +90,16 @@ static Bake room_at(float scale, float offset, uint32_t seed)
     return open_bake(&mesh, seed, &lamp, 1, NULL);
 }
 
-/* rms difference of receivers in the same place. */
+/* rms difference of receivers in the same place, within a millimetre or the half step that a float may be off along each axis. */
 static double difference(const Bake *a, float scale, float offset, const Bake *b)
 {
     double wrong = 0, size = 0, pairs = 0;
+    float near = fmaxf(1e-3f, 0.9f * FLT_EPSILON * offset);
     for (uint32_t r = 0; r < a->transport.receiver_count; r++) {
         for (uint32_t u = 0; u < b->transport.receiver_count; u++) {
             const ChiaroReceiver *x = &a->transport.receivers[r], *y = &b->transport.receivers[u];
             Vec3 at = vec3_scale(vec3_sub(vec3_load(x->position), vec3(offset, offset, offset)), 1 / scale);
-            if (vec3_length(vec3_sub(at, vec3_load(y->position))) > 1e-3f ||
+            if (vec3_length(vec3_sub(at, vec3_load(y->position))) > near ||
                 vec3_dot(vec3_load(x->normal), vec3_load(y->normal)) < 0.99f)
                 continue;
             double p = (double)a->irradiance[3 * r], q = (double)b->irradiance[3 * u];
@@ -187,7 +189,9 @@ static void triangles_that_should_not_be(void **state)
         float z = 0.02f * (float)k;
         mesh_triangle(&mesh, vec3(0, 1e-4f, z), vec3(0, 1e-4f, z + 1e-6f), vec3(3, 1e-4f, z));
     }
-    check_furnace(&table, "200 needles, 1 um x 3 m", &mesh, truth, 0.01);
+    /* Right below a needle, its black back takes up to width / (2 height) = 0.5 % of the floor's light; with 512 rays that is
+     * known to 0.3 %. */
+    check_furnace(&table, "200 needles, 1 um x 3 m", &mesh, truth, 0.005 + 3 * 0.003);
     mesh = furnace();
     for (uint32_t k = 0; k < 200; k++) {
         Vec3 p = vec3(1, 1, 0.02f * (float)k), q = vec3(2, 1, 0.02f * (float)k);
