@@ -27,7 +27,9 @@ bool chiaro_columns_create(Columns *columns, const Baker *baker)
     columns->scale = malloc(most * sizeof *columns->scale);
     columns->level = malloc(all * sizeof *columns->level);
     columns->order = malloc(all * sizeof *columns->order);
-    return columns->index && columns->scale && columns->level && columns->order;
+    columns->drawn = malloc(all * sizeof *columns->drawn);
+    return columns->index && columns->scale && columns->level && columns->order &&
+           columns->drawn;
 }
 
 void chiaro_columns_destroy(Columns *columns)
@@ -36,6 +38,7 @@ void chiaro_columns_destroy(Columns *columns)
     free(columns->scale);
     free(columns->level);
     free(columns->order);
+    free(columns->drawn);
 }
 
 /* How bright the block is under each training light: a few of its rows are enough to tell. */
@@ -75,14 +78,14 @@ static void take(Columns *columns, uint32_t index, float scale)
     columns->scale[columns->width++] = scale;
 }
 
-/* Takes about `wanted` of the training lights in columns->order, whose energy falls: those of baker->more, or the others.
- * What is not bright enough to be taken for itself is drawn as often as its energy is large, and then counts as more. */
-static void draw(Columns *columns, uint32_t count, double energy, double wanted, bool more)
+/* Marks about `wanted` of the training lights in columns->order, whose energy falls. What is not bright enough to be taken for
+ * itself is drawn as often as its energy is large, and then counts as more. */
+static void draw(Columns *columns, uint32_t count, double energy, double wanted)
 {
     double next = 0.5, sum = 0;
     uint32_t left = (uint32_t)wanted + 1; /* whatever rounding makes of the energy that remains */
     for (uint32_t k = 0; k < count && left > 0; k++) {
-        uint32_t t = columns->order[k], own_table = columns->baker->columns;
+        uint32_t t = columns->order[k];
         float scale = powf(columns->level[t], LEVEL_POWER - 1);
         double level = (double)columns->level[t] * (double)scale, own = level * level;
         if (own * wanted >= energy) {
@@ -94,18 +97,18 @@ static void draw(Columns *columns, uint32_t count, double energy, double wanted,
             scale *= (float)sqrt(energy / (wanted * own));
             next += 1;
         }
+        columns->drawn[t] = scale;
         left--;
-        if (more == (t >= own_table))
-            take(columns, more ? t - own_table : t, scale);
     }
 }
 
-/* One channel's; groups: of how many. */
+/* One channel's; groups: of how many. They are taken in their order: tables are read from front to back. */
 static void choose_group(Columns *columns, uint32_t channel, uint32_t groups, uint32_t more)
 {
     const Baker *baker = columns->baker;
-    uint32_t count = 0, lamps = 0, begin = columns->width;
+    uint32_t count = 0, lamps = 0, special = 0;
     double room = COLUMNS_MOST / groups / CHIARO_LANES * CHIARO_LANES - CHIARO_LANES, mean = 0, sum = 0, square = 0;
+    memset(columns->drawn, 0, (baker->columns + (size_t)more) * sizeof *columns->drawn);
     for (uint32_t t = 0; t < baker->used_columns; t++) {
         if (groups == 1 || baker->column_channel[t] == channel)
             columns->order[count++] = t;
@@ -117,23 +120,23 @@ static void choose_group(Columns *columns, uint32_t channel, uint32_t groups, ui
     for (uint32_t k = 0; k < count; k++) {
         uint32_t t = columns->order[k];
         if (t >= baker->emitter_column && t < baker->columns) {
-            if (columns->level[t] > LEAST_LEVEL)
-                take(columns, t, 1 / columns->level[t]);
+            columns->drawn[t] = columns->level[t] > LEAST_LEVEL ? 1 / columns->level[t] : 0;
+            special += columns->level[t] > LEAST_LEVEL;
         } else if (columns->level[t] > least) {
             double level = pow((double)columns->level[t], (double)LEVEL_POWER), own = level * level;
             columns->order[lamps++] = t;
             mean += level, sum += own, square += own * own;
         }
     }
-    for (uint32_t k = begin; k < columns->width; k++)
-        columns->scale[k] *= sqrtf(SPECIAL_COLUMNS) * (lamps ? (float)mean / (float)lamps : 1);
+    for (uint32_t t = baker->emitter_column; t < baker->used_columns; t++)
+        columns->drawn[t] *= sqrtf(SPECIAL_COLUMNS) * (lamps ? (float)mean / (float)lamps : 1);
     columns->lights = square > 0 ? sum * sum / square : 1;
-    room -= columns->width - begin;
-    double wanted = fmin(fmin(room, lamps), fmax(COLUMNS_A_LIGHT * columns->lights, LEAST_COLUMNS));
-    draw(columns, lamps, sum, wanted, false);
-    if (more) {
-        columns->more_begin = columns->width;
-        draw(columns, lamps, sum, wanted, true);
+    draw(columns, lamps, sum, fmin(fmin(room - special, lamps), fmax(COLUMNS_A_LIGHT * columns->lights, LEAST_COLUMNS)));
+    for (uint32_t t = 0; t < baker->columns + more; t++) {
+        if (t == baker->columns)
+            columns->more_begin = columns->width;
+        if (columns->drawn[t] > 0)
+            take(columns, t < baker->columns ? t : t - baker->columns, columns->drawn[t]);
     }
     while (columns->width % CHIARO_LANES)
         take(columns, 0, 0);

@@ -15,6 +15,7 @@ typedef struct Columns {
     uint32_t begin[4], more_begin, width;
     float *level;    /* [column of either table]: how bright the block is under it */
     uint32_t *order; /* scratch */
+    float *drawn;    /* scratch: what each column is multiplied with; 0: not taken */
     double lights;   /* training lights that share in the block's light, as if all were equally bright */
 } Columns;
 
