@@ -90,7 +90,7 @@ static Bake room_at(float scale, float offset, uint32_t seed)
     return open_bake(&mesh, seed, &lamp, 1, NULL);
 }
 
-/* rms difference of receivers in the same place, within a millimetre or the half step that a float may be off along each axis. */
+/* rms difference of receivers in the same place, within a millimetre or the half step that a float is off along an axis. */
 static double difference(const Bake *a, float scale, float offset, const Bake *b)
 {
     double wrong = 0, size = 0, pairs = 0;

@@ -5,10 +5,12 @@
 
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 
 /* Defaults where the caller leaves them to the scene. */
 enum { DEFAULT_LINKS = 32, DEFAULT_RAYS = 2048, LARGE_SCENE_RAYS = 256, LEAST_RECEIVERS = 4096, MOST_RECEIVERS = 32768 };
 static const float RECEIVER_PART_OF_FREE_PATH = 0.055f;
+static const size_t LARGE_TABLE = (size_t)32 << 20;
 static const float FAR_OUT = 16, NOTABLE_STEP = 1e-4f;
 
 bool chiaro_bake_progress(float done, void *user)
@@ -126,13 +128,23 @@ static void move_back(Baker *baker, Vec3 origin)
     }
 }
 
+float *chiaro_bake_table(size_t rows, size_t columns)
+{
+    size_t bytes = rows * columns * sizeof(float), page = 4096;
+    float *table = calloc(rows, columns * sizeof(float));
+    if (table && bytes > LARGE_TABLE) /* rows are read here and there: with large pages they are found sooner */
+        (void)madvise((void *)((uintptr_t)table & ~(uintptr_t)(page - 1)), bytes, MADV_HUGEPAGE);
+    return table;
+}
+
 void chiaro_bake_release(Baker *baker)
 {
     Patches *p = &baker->patches;
     void *all[] = {p->triangle_first, p->triangle_edge, p->small_leaf, p->leaf_small, p->leaf_first, p->small_triangle,
                    p->triangle_part, p->leaf_cumulative, baker->samples, baker->points, baker->leaf_weights,
                    baker->sky_directions, baker->sky_order, baker->nodes, baker->row_first, baker->rows, baker->vertices,
-                   baker->vertex_receivers, baker->indices, baker->parts, baker->receivers, baker->receiver_plane, baker->receiver_share,
+                   baker->vertex_receivers, baker->indices, baker->parts, baker->receivers, baker->receiver_plane,
+                   baker->receiver_share,
                    baker->column_channel, baker->direct, baker->total, baker->carried, baker->irradiance, baker->more,
                    baker->clusters, baker->sample_cluster, baker->response[0], baker->response[1], baker->response[2],
                    baker->receiver_runs, baker->sample_links.blocks, baker->sample_links.nodes,

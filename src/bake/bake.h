@@ -201,6 +201,8 @@ ChiaroResult chiaro_bake_block(const ChiaroFileStart *header, size_t header_size
 uint32_t chiaro_bake_ray_count(uint32_t n);
 void chiaro_bake_bounds(Baker *baker);
 void chiaro_bake_release(Baker *baker);
+/* A table of training light, all zero. NULL: out of memory. */
+float *chiaro_bake_table(size_t rows, size_t columns);
 /* For chiaro_parallel_for: tells the host how far the current stage is. */
 bool chiaro_bake_progress(float done, void *baker);
 

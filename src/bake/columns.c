@@ -191,7 +191,8 @@ void chiaro_columns_load(const Columns *columns, const float *table, uint32_t no
                          float *out)
 {
     const Baker *baker = columns->baker;
-    uint32_t end = first + count, more = columns->more_begin < first ? first : columns->more_begin > end ? end : columns->more_begin;
+    uint32_t end = first + count, more = columns->more_begin;
+    more = more < first ? first : more > end ? end : more;
     chiaro_pick(table + (size_t)node * baker->columns, columns->index + first, columns->scale + first, more - first, out);
     if (more < end)
         chiaro_pick(baker->more + (size_t)node * baker->more_columns, columns->index + more, columns->scale + more, end - more,

@@ -140,7 +140,8 @@ uint32_t chiaro_cut_make(Cut *cut, const CutTask *task, uint32_t most, uint32_t 
     if (task->leaf_count == 0)
         return 0;
     for (uint32_t l = 0; l < task->leaf_count; l++)
-        chiaro_columns_load(task->columns, task->table, task->leaves[l], 0, task->columns->width, cut->leaf_light + (size_t)l * CUT_COLUMNS);
+        chiaro_columns_load(task->columns, task->table, task->leaves[l], 0, task->columns->width,
+                            cut->leaf_light + (size_t)l * CUT_COLUMNS);
     add_up(cut, &cut->open[0], baker->root, 0, task->leaf_count);
     /* Areas of surfaces and solid angles of the sky have no common mean: their root is always opened. */
     if (baker->sky_count)

@@ -129,7 +129,8 @@ bool chiaro_fitter_create(const FitTask *task, Fitter *fitter)
     s->bound[1] = malloc(nodes * sizeof(double));
     s->cut = chiaro_cut_create(baker, CHIARO_BLOCK_NODES);
     ready = ready && chiaro_prune_create(&s->prune, baker, CHIARO_BLOCK_NODES, task->channels);
-    return ready && s->chunk && s->target && s->wanted && s->light && s->form && s->probes && s->clusters && s->bright && s->pull && s->pattern && s->gram &&
+    return ready && s->chunk && s->target && s->wanted && s->light && s->form && s->probes && s->clusters &&
+           s->bright && s->pull && s->pattern && s->gram &&
            s->own_gram && s->vectors && s->images && s->values && s->system && s->ridge && s->prior && s->right &&
            s->bound[0] && s->bound[1] && s->cut;
 }
@@ -138,9 +139,8 @@ void chiaro_fitter_destroy(Fitter *fitter)
 {
     FitScratch *s = fitter->scratch;
     if (s) {
-        void *all[] = {s->chunk, s->target, s->wanted, s->light, s->form, s->probes, s->clusters, s->bright, s->pull, s->pattern, s->gram, s->own_gram, s->vectors, s->images, s->values,
-                       s->system,
-                       s->ridge, s->prior, s->right, s->bound[0], s->bound[1]};
+        void *all[] = {s->chunk, s->target, s->wanted, s->light, s->form, s->probes, s->clusters, s->bright, s->pull,
+                       s->pattern, s->gram, s->own_gram, s->vectors, s->images, s->values, s->system, s->ridge, s->prior, s->right, s->bound[0], s->bound[1]};
         for (size_t k = 0; k < sizeof all / sizeof *all; k++)
             free(all[k]);
         chiaro_columns_destroy(&s->columns);
@@ -158,22 +158,23 @@ void chiaro_fitter_destroy(Fitter *fitter)
 static void collect_target(FitScratch *s)
 {
     const FitRows *rows = s->rows;
+    uint32_t width = s->columns.width;
     for (uint32_t r = 0; r < rows->count; r++) {
         if (rows->target[r])
-            chiaro_columns_load(&s->columns, rows->target[r], 0, 0, s->columns.width, s->target + (size_t)r * s->columns.width);
+            chiaro_columns_load(&s->columns, rows->target[r], 0, 0, width, s->target + (size_t)r * width);
         else
-            memset(s->target + (size_t)r * s->columns.width, 0, s->columns.width * sizeof *s->target);
+            memset(s->target + (size_t)r * width, 0, width * sizeof *s->target);
     }
     if (rows->target[0])
         return;
-    for (uint32_t first = 0; first < s->columns.width; first += COLUMN_CHUNK) {
-        uint32_t count = s->columns.width - first < COLUMN_CHUNK ? s->columns.width - first : COLUMN_CHUNK;
+    for (uint32_t first = 0; first < width; first += COLUMN_CHUNK) {
+        uint32_t count = width - first < COLUMN_CHUNK ? width - first : COLUMN_CHUNK;
         for (uint32_t l = 0; l < rows->leaf_count; l++) {
             chiaro_columns_load(&s->columns, s->task.truth, rows->leaves[l], first, count, s->chunk);
             for (uint32_t r = 0; r < rows->count; r++) {
                 float weight = rows->form[(size_t)r * rows->leaf_count + l];
                 if (weight > 0)
-                    chiaro_axpy(s->target + (size_t)r * s->columns.width + first, weight, s->chunk, count);
+                    chiaro_axpy(s->target + (size_t)r * width + first, weight, s->chunk, count);
             }
         }
     }
@@ -353,11 +354,12 @@ static uint32_t choose_split(const FitScratch *s)
 static void collect_wanted(FitScratch *s, uint32_t rank)
 {
     uint32_t n = s->count;
-    memset(s->wanted, 0, (size_t)rank * s->columns.width * sizeof *s->wanted);
+    size_t width = s->columns.width;
+    memset(s->wanted, 0, rank * width * sizeof *s->wanted);
     for (uint32_t p = 0; p < rank; p++) {
         for (uint32_t r = 0; r < n; r++)
-            chiaro_axpy(s->wanted + (size_t)p * s->columns.width, (float)s->pattern[(size_t)p * n + r],
-                        s->target + (size_t)(s->first + r) * s->columns.width, s->columns.width);
+            chiaro_axpy(s->wanted + p * width, (float)s->pattern[(size_t)p * n + r],
+                        s->target + (s->first + r) * width, width);
     }
 }
 
@@ -507,7 +509,8 @@ static uint32_t node_room(const FitScratch *s, uint32_t rank)
 static void load_nodes(FitScratch *s, const uint32_t *nodes, uint32_t n)
 {
     for (uint32_t i = 0; i < n; i++)
-        chiaro_columns_load(&s->columns, s->task.feature, nodes[i], 0, s->columns.width, s->light + (size_t)i * s->columns.width);
+        chiaro_columns_load(&s->columns, s->task.feature, nodes[i], 0, s->columns.width,
+                            s->light + (size_t)i * s->columns.width);
 }
 
 /* Many patterns and few nodes, or the other way round: a fine cut is thinned out to what each number of patterns leaves room
@@ -581,18 +584,18 @@ static void measure_error(FitScratch *s, const Fitter *fitter, double error[2])
 {
     uint32_t rank = fitter->done.block.rank, n = fitter->done.block.node_count;
     const float *energy = s->task.energy;
-    size_t all_rows = s->rows->count;
+    size_t all_rows = s->rows->count, width = s->columns.width;
     for (uint32_t r = s->first; r < s->first + s->count; r++)
         error[0] += s->gram[r * all_rows + r], error[1] += s->gram[r * all_rows + r];
     for (uint32_t p = 0; p < rank; p++) {
-        float *wanted = s->wanted + (size_t)p * s->columns.width;
-        error[0] -= chiaro_dot(wanted, wanted, s->columns.width);
+        float *wanted = s->wanted + p * width;
+        error[0] -= chiaro_dot(wanted, wanted, width);
         for (uint32_t c = 0; c < s->task.channels; c++) {
             for (uint32_t i = 0; i < n; i++)
                 chiaro_axpy(wanted + s->columns.begin[c], -fitter->done.weights[((size_t)c * rank + p) * n + i],
-                            s->light + (size_t)i * s->columns.width + s->columns.begin[c], s->columns.begin[c + 1] - s->columns.begin[c]);
+                            s->light + i * width + s->columns.begin[c], s->columns.begin[c + 1] - s->columns.begin[c]);
         }
-        error[0] += chiaro_dot(wanted, wanted, s->columns.width);
+        error[0] += chiaro_dot(wanted, wanted, width);
         /* The loose light that the pattern wants adds to what it cannot say once and leaves again; this is what remains. */
         for (uint32_t i = 0; i < n && s->loose > 0; i++) {
             double weight = fitter->done.weights[(size_t)p * n + i];
@@ -642,7 +645,8 @@ static bool fit_range(Fitter *fitter, uint32_t first, uint32_t count, uint64_t s
                       double error[2])
 {
     FitScratch *s = fitter->scratch;
-    double lights = s->task.all_bounces ? INFINITY : s->columns.lights; /* bounces are smooth: what is taught is all there is */
+    /* Bounces are smooth: what is taught is all there is. */
+    double lights = s->task.all_bounces ? INFINITY : s->columns.lights;
     double lost, patterns = fmin(PATTERNS, fmax(LEAST_PATTERNS, lights / LIGHTS_A_PATTERN));
     double share = mean_share(s->rows, first, count), tolerance = s->task.tolerance / share;
     s->first = first, s->count = count, s->links = share * s->task.links;

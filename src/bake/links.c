@@ -289,7 +289,8 @@ static void gather_blocks(uint32_t begin, uint32_t end, uint32_t thread, void *u
     const Carry *carry = user;
     const LinkTable *links = &carry->baker->sample_links;
     uint32_t columns = carry->columns;
-    float *sums = carry->sums + (size_t)thread * (CHIARO_BLOCK_RANK + 1) * columns, *all = sums + (size_t)CHIARO_BLOCK_RANK * columns;
+    float *sums = carry->sums + (size_t)thread * (CHIARO_BLOCK_RANK + 1) * columns;
+    float *all = sums + (size_t)CHIARO_BLOCK_RANK * columns;
     for (uint32_t b = begin; b < end; b++) {
         const ChiaroBlock *block = &links->blocks[b];
         for (uint32_t c = 0; c < block->channels; c++) {
@@ -329,15 +330,15 @@ ChiaroResult chiaro_bake_gather(const Baker *baker, const float *direct, uint32_
 static ChiaroResult carry_light(Baker *baker)
 {
     size_t columns = baker->columns;
-    baker->carried = malloc(baker->node_count * columns * sizeof *baker->carried);
+    baker->carried = chiaro_bake_table(baker->node_count, columns);
     if (!baker->carried)
         return CHIARO_ERROR_MEMORY;
     ChiaroResult result = chiaro_bake_gather(baker, baker->direct, baker->columns, baker->column_channel, baker->carried);
     for (size_t l = 0; l < baker->leaf_count && result == CHIARO_OK; l++) {
         for (size_t t = 0; t < columns; t++) {
             float *carried = &baker->carried[l * columns + t];
-            float bounced = l < baker->sample_count ? baker->samples[l].albedo[baker->column_channel[t]] * fmaxf(0, *carried) : 0;
-            *carried = baker->direct[l * columns + t] + bounced;
+            float albedo = l < baker->sample_count ? baker->samples[l].albedo[baker->column_channel[t]] : 0;
+            *carried = baker->direct[l * columns + t] + albedo * fmaxf(0, *carried);
         }
     }
     chiaro_bake_tree_sum(baker, baker->carried, baker->columns);
@@ -373,8 +374,8 @@ ChiaroResult chiaro_bake_sample_links(Baker *baker)
         return CHIARO_ERROR_MEMORY;
     uint32_t count = deal_samples(baker, baker->root, begin, 0);
     begin[count] = baker->sample_count;
-    FitTask task = {.baker = baker, .truth = baker->direct, .feature = baker->direct, .links = SAMPLE_LINKS * baker->desc.links,
-                    .noise = SAMPLE_NOISE, .channels = baker->grey ? 1 : 3, .tolerance = SAMPLE_TOLERANCE, .all_bounces = true};
+    FitTask task = {.baker = baker, .truth = baker->direct, .feature = baker->direct,
+                    .links = SAMPLE_LINKS * baker->desc.links, .noise = SAMPLE_NOISE, .channels = baker->grey ? 1 : 3, .tolerance = SAMPLE_TOLERANCE, .all_bounces = true};
     ChiaroResult result = fit_runs(baker, &task, begin, count, link_samples, &baker->sample_links,
                               &baker->info.sample_fit_error, &baker->info.sample_links);
     free(begin);

@@ -368,7 +368,7 @@ ChiaroResult chiaro_bake_solve(Baker *baker)
     ChiaroResult result = coarse_inverse(baker);
     if (result != CHIARO_OK)
         return result;
-    baker->irradiance = solve.irradiance = calloc((size_t)baker->sample_count * baker->columns, sizeof(float));
+    baker->irradiance = solve.irradiance = chiaro_bake_table(baker->sample_count, baker->columns);
     solve.sweeps = calloc(blocks, sizeof *solve.sweeps);
     if (!solve.irradiance || !solve.sweeps) {
         free(solve.sweeps);

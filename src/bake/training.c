@@ -16,7 +16,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LEAST_SUNS = 16, MORE_SUNS = 80, LEAST_SKIES = 16, MORE_SKIES = 752, LEAST_LAMPS = 1536, MOST_LAMPS = 2048, MORE_BATCHES = 8 };
+enum { LEAST_SUNS = 16, MORE_SUNS = 80, LEAST_SKIES = 16, MORE_SKIES = 752, LEAST_LAMPS = 1536, MOST_LAMPS = 2048,
+       MORE_BATCHES = 8 };
 static const double MORE_BYTES = 800e6;
 /* A scene this open is taught all suns and skies. */
 static const float OPEN = 0.5f;
@@ -173,12 +174,11 @@ ChiaroResult chiaro_bake_training(Baker *baker)
     uint32_t wanted = lamps + suns + skies + (baker->info.emitters ? 3 : 0) + 6 + (open ? 3 : 0);
     baker->grey = grey;
     baker->columns = (wanted + CHIARO_COLUMN_BLOCK - 1) / CHIARO_COLUMN_BLOCK * CHIARO_COLUMN_BLOCK;
-    size_t table = (size_t)baker->node_count * baker->columns;
     Training training = {.baker = baker};
     training.lamps = calloc(lamps + suns, sizeof *training.lamps);
     baker->column_channel = calloc(baker->columns, sizeof *baker->column_channel);
-    baker->direct = calloc(table, sizeof *baker->direct);
-    baker->total = calloc(table, sizeof *baker->total);
+    baker->direct = chiaro_bake_table(baker->node_count, baker->columns);
+    baker->total = chiaro_bake_table(baker->node_count, baker->columns);
     if (!training.lamps || !baker->column_channel || !baker->direct || !baker->total) {
         free(training.lamps);
         return CHIARO_ERROR_MEMORY;
@@ -243,7 +243,7 @@ ChiaroResult chiaro_bake_more_lamps(Baker *baker)
     Training training = {.baker = baker, .columns = BATCH, .channel = channel, .one_point = true};
     ChiaroResult result = CHIARO_ERROR_MEMORY;
     baker->more_columns = BATCH * batches;
-    baker->more = malloc((size_t)baker->node_count * baker->more_columns * sizeof *baker->more);
+    baker->more = chiaro_bake_table(baker->node_count, baker->more_columns);
     training.lamps = calloc(BATCH, sizeof *training.lamps);
     training.direct = malloc((size_t)baker->node_count * BATCH * sizeof *training.direct);
     float *irradiance = malloc((size_t)baker->sample_count * BATCH * sizeof *irradiance);

@@ -85,7 +85,8 @@ static float cell_weight(const Filling *filling, const ChiaroWorldBlocker *block
 {
     float size = filling->cells->size, reach = filling->reach * blocker->radius;
     Vec3 way = vec3_sub(vec3_load(blocker->center), corner);
-    Vec3 past = vec3(way.x - chiaro_clamp(way.x, 0, size), way.y - chiaro_clamp(way.y, 0, size), way.z - chiaro_clamp(way.z, 0, size));
+    Vec3 past = vec3(way.x - chiaro_clamp(way.x, 0, size), way.y - chiaro_clamp(way.y, 0, size),
+                     way.z - chiaro_clamp(way.z, 0, size));
     float square = vec3_dot(past, past);
     if (!(square < reach * reach))
         return 0;

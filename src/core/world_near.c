@@ -3,7 +3,8 @@
  *
  * A plate is small for its distance: cos cos' A / (pi d^2 + A (3 cos cos' - 2)), which is the form of a disc to first order
  * where the two are parallel, and exact on its axis. Many of them that tile a plane have the plane's own form. Off the
- * axis the second term is left out rather than negative. Where a plate stands across the receiver's horizon, the receiver's cosine is cut off softly, over as much as the plate rises above its own centre.
+ * axis the second term is left out rather than negative. Where a plate stands across the receiver's
+ * horizon, the receiver's cosine is cut off softly, over as much as the plate rises above its own centre.
  */
 #include "lanes.h"
 #include "world.h"
