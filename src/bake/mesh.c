@@ -20,6 +20,7 @@ enum { SIZING_RAYS = 32, MAX_ROUNDS = 96, BISECTIONS = 8, USUAL_RUN = 150 /* rec
 static const float USUAL_EDGE = 1.2f, DISTANCE_POWER = 1.0f / 3, SHORTEST_EDGE = 0.6f, LONGEST_EDGE = 6;
 /* Refinement begins with edges that are so much longer, and goes on in steps of at most and at least so much. */
 static const float COARSEST = 16, MOST_FINER = 1.4142136f, LEAST_FINER = 1.05f;
+static const float ROUNDING = 1e-4f;
 /* Vertices, at most: so many for each receiver that was asked for, beyond the scene's own; in all; and where the scene itself
  * has more than that, so many times its own. */
 static const double MOST_A_RECEIVER = 4, MOST_VERTICES = 160e3, MOST_MORE = 1.25;
@@ -30,6 +31,8 @@ static const float INWARD = 0.02f;
 /* Places this close, in edges of a square of the mean area a receiver, are one to light; and normals, one step of so many to
  * each side. */
 static const float SAME_PLACE = 0.1f;
+/* Their grid lies so that walls at the scene's bounds, and at whole units from them, are clear of its planes. */
+static const float OFF_WALL = 0.37f;
 enum { SAME_NORMAL = 4 };
 /* More than this share of rays that meet surfaces from behind: the place is inside something. */
 static const float INSIDE = 0.5f;
@@ -183,6 +186,19 @@ static uint64_t triangle_edge(const Mesh *mesh, const Triangle *t, int k)
 
 enum { EDGE_KEPT = UINT32_MAX, EDGE_SPLIT = UINT32_MAX - 1 }; /* values of the map of edges; else: the middle's place */
 
+/* Which edge of a triangle is the longest; the first of those that are equal but for rounding. */
+static int longest_edge(const Mesh *mesh, const Triangle *t)
+{
+    float most = 0;
+    int longest = 0;
+    for (int k = 0; k < 3; k++) {
+        float length = edge_length(mesh, mesh->vertex_place[t->vertex[k]], mesh->vertex_place[t->vertex[(k + 1) % 3]]);
+        if (length > most * (1 + ROUNDING))
+            most = length, longest = k;
+    }
+    return longest;
+}
+
 /* Asks for the size of an edge, seen from a triangle with this normal. */
 static bool add_edge(Mesh *mesh, uint32_t a, uint32_t b, Vec3 normal)
 {
@@ -259,14 +275,9 @@ static int64_t mark_edges(Mesh *mesh, Map *marks)
         for (uint32_t t = 0; t < mesh->triangle_count; t++) {
             const Triangle *triangle = &mesh->triangles[t];
             uint32_t *mark[3];
-            float longest = -1;
-            int at = 0, any = 0;
+            int at = longest_edge(mesh, triangle), any = 0;
             for (int k = 0; k < 3; k++) {
                 mark[k] = map_at(marks, triangle_edge(mesh, triangle, k), EDGE_KEPT); /* known: stays where it is */
-                float length = edge_length(mesh, mesh->vertex_place[triangle->vertex[k]],
-                                           mesh->vertex_place[triangle->vertex[(k + 1) % 3]]);
-                if (length > longest)
-                    longest = length, at = k;
                 any += *mark[k] == EDGE_SPLIT;
             }
             if (any && *mark[at] != EDGE_SPLIT)
@@ -325,13 +336,7 @@ static bool split_triangles(Mesh *mesh, Map *marks)
     mesh->triangles = NULL, mesh->triangle_count = mesh->triangle_capacity = 0;
     for (uint32_t t = 0; ok && t < count; t++) {
         uint32_t part = old[t].part, v[3], m[3];
-        int split = 0, longest = 0;
-        float length = -1;
-        for (int k = 0; k < 3; k++) {
-            float l = edge_length(mesh, mesh->vertex_place[old[t].vertex[k]], mesh->vertex_place[old[t].vertex[(k + 1) % 3]]);
-            if (l > length)
-                length = l, longest = k;
-        }
+        int split = 0, longest = longest_edge(mesh, &old[t]);
         /* Turned so that the longest edge comes first. */
         for (int k = 0; k < 3; k++)
             v[k] = old[t].vertex[(longest + k) % 3];
@@ -495,6 +500,7 @@ static bool merge_detail(Receivers *receivers)
     for (uint32_t r = 0; ok && r < receivers->count; r++) {
         Draft draft = receivers->drafts[r];
         Vec3 cell = vec3_scale(vec3_sub(draft.place, low), 1 / (SAME_PLACE * mesh->unit));
+        cell = vec3_add(cell, vec3(OFF_WALL, OFF_WALL, OFF_WALL));
         Vec3 turn = vec3_scale(draft.normal, SAME_NORMAL);
         uint64_t key = chiaro_random_mix((uint64_t)(int64_t)floorf(cell.x) << 42 ^ (uint64_t)(int64_t)floorf(cell.y) << 21 ^
                                          (uint64_t)(int64_t)floorf(cell.z));
