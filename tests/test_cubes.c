@@ -10,6 +10,7 @@
 #include "../src/core/cubes.h"
 #include "../src/core/random.h"
 #include "common/check.h"
+#include "common/counter.h"
 
 static const double pi = 3.14159265358979323846;
 
@@ -824,26 +825,6 @@ static void eight_bits_are_enough(void **state)
  * Creation
  */
 
-typedef struct Counter {
-    int live, calls, fail_at;
-} Counter;
-
-static void *counting_alloc(size_t size, void *user)
-{
-    Counter *counter = user;
-    if (++counter->calls == counter->fail_at)
-        return NULL;
-    counter->live++;
-    return malloc(size);
-}
-
-static void counting_free(void *memory, void *user)
-{
-    Counter *counter = user;
-    counter->live -= memory ? 1 : 0;
-    free(memory);
-}
-
 static void creation_refuses_and_cleans_up(void **state)
 {
     (void)state;
@@ -854,18 +835,18 @@ static void creation_refuses_and_cleans_up(void **state)
     }
     assert_int_equal(chiaro_cube_kernel_create(4, (ChiaroCubeMethod)7, NULL, &kernel), CHIARO_ERROR_ARGUMENT);
     assert_int_equal(chiaro_cube_kernel_create(4, CHIARO_CUBE_PLAIN, NULL, NULL), CHIARO_ERROR_ARGUMENT);
-    ChiaroAllocator lame = {counting_alloc, NULL, NULL};
+    ChiaroAllocator lame = {count_alloc, NULL, NULL};
     assert_int_equal(chiaro_cube_kernel_create(4, CHIARO_CUBE_PLAIN, &lame, &kernel), CHIARO_ERROR_ARGUMENT);
     chiaro_cube_kernel_destroy(NULL);
-    for (int fail = 1; fail <= 3; fail++) {
-        Counter counter = {0, 0, fail};
-        ChiaroAllocator allocator = {counting_alloc, counting_free, &counter};
+    for (uint32_t fail = 1; fail <= 3; fail++) {
+        Counter counter = {.fail_at = fail};
+        ChiaroAllocator allocator = counting(&counter);
         ChiaroResult result = chiaro_cube_kernel_create(4, CHIARO_CUBE_FITTED, &allocator, &kernel);
         assert_int_equal(result, fail <= 2 ? CHIARO_ERROR_MEMORY : CHIARO_OK);
-        assert_int_equal(counter.live, result == CHIARO_OK ? 1 : 0);
+        assert_int_equal(counter.alive, result == CHIARO_OK ? 1 : 0);
         assert_true(result == CHIARO_OK || !kernel);
         chiaro_cube_kernel_destroy(kernel);
-        assert_int_equal(counter.live, 0);
+        assert_int_equal(counter.alive, 0);
     }
 }
 

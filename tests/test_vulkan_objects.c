@@ -874,7 +874,7 @@ static bool run_with_failure(Play *play, const ChiaroScene *scene, const Probe *
     ChiaroVulkanDesc desc = host_chiaro_desc(&stage->host);
     MadeTransportDesc made = {.mesh_steps = 1, .sample_steps = 1, .points = 1, .links = 1};
     ChiaroLight light = point_light(vec3(0, 1, 0), 1);
-    desc.allocator = (ChiaroAllocator){count_alloc, count_free, &counter};
+    desc.allocator = counting(&counter);
     assert_int_equal(stage->api->create(&desc, &stage->chiaro), CHIARO_OK);
     load(stage, scene, &made);
     assert_int_equal(stage->api->lights_set(stage->chiaro, &light, 1), CHIARO_OK);
