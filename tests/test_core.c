@@ -280,9 +280,7 @@ typedef struct Room {
 
 static Room make_room(bool sky, uint32_t links)
 {
-    Room room = {.mesh = mesh_begin()};
-    mesh_material(&room.mesh, 0.7f, 0);
-    mesh_box(&room.mesh, vec3(0, 0, 0), vec3(3, 2, 4));
+    Room room = {.mesh = mesh_room(0.7f, 0)};
     MadeTransportDesc desc = {.mesh_steps = 3, .sample_steps = 4, .points = 3, .links = links, .sky = sky};
     room.transport = made_transport(&room.mesh.scene, &desc);
     const ChiaroTransport *t = &room.transport;

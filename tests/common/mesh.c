@@ -76,6 +76,14 @@ void mesh_box(Mesh *mesh, Vec3 l, Vec3 h)
     mesh_quad(mesh, vec3(h.x, l.y, l.z), vec3(h.x, l.y, h.z), vec3(h.x, h.y, h.z), vec3(h.x, h.y, l.z)); /* faces -x */
 }
 
+Mesh mesh_room(float albedo, float emission)
+{
+    Mesh mesh = mesh_begin();
+    mesh_material(&mesh, albedo, emission);
+    mesh_box(&mesh, vec3(0, 0, 0), vec3(3, 2, 4));
+    return mesh;
+}
+
 /* Ring `i` of `rings` from the south pole, column `j` of 2 * rings. */
 static Vec3 sphere_point(float radius, uint32_t i, uint32_t j, uint32_t rings)
 {
