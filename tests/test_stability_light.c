@@ -136,7 +136,7 @@ static double flux_of(Bake *bake, const ChiaroLight *lamp, double *brightest)
     const ChiaroTransport *t = &bake->transport;
     double flux = 0;
     *brightest = 0;
-    chiaro_samples_light(t, lamp, 1, sees, bake->rays, bake->scratch);
+    chiaro_samples_light(t, lamp, 1, chiaro_rays_visible, bake->rays, bake->scratch);
     for (uint32_t s = 0; s < t->sample_count; s++) {
         double irradiance = (double)bake->scratch[3 * s] / (double)t->samples[s].albedo[0], bound = 0;
         for (uint32_t p = 0; p < t->samples[s].point_count; p++) {

@@ -16,11 +16,6 @@
 
 #include "common/check.h"
 
-static bool seen(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
-{
-    return chiaro_rays_light_visible(user, light, vec3_load(point), vec3_load(normal));
-}
-
 /* Sums of a comparison. */
 typedef struct Sums {
     double wrong, square, value, truth;
@@ -65,7 +60,7 @@ static void balls_on_a_plane_under_a_sky_and_a_sun(void **state)
     assert_int_equal(chiaro_rays_create(&made.scene, NULL, &rays), CHIARO_OK);
     ChiaroScene plane = piece_make(&made.scene, made.nodes[0].first_part, made.nodes[0].part_count, origin);
     Lit lit = lit_make(&plane, &sky, 1024);
-    lit_light(&lit, &sun, 1, seen, rays);
+    lit_light(&lit, &sun, 1, chiaro_rays_visible, rays);
     ChiaroWorldDesc desc = {.struct_size = sizeof desc, .object_capacity = BALLS, .transport = &lit.transport};
     ChiaroWorld *world;
     assert_int_equal(chiaro_world_create(&desc, &world), CHIARO_OK);
@@ -166,7 +161,7 @@ static double error_at(const ChiaroScene *room, Lit *lit, const Moving *moving, 
     ChiaroReference *reference;
     assert_int_equal(chiaro_rays_create(&both, NULL, &rays), CHIARO_OK);
     assert_int_equal(chiaro_reference_create(&both, room->lights, room->light_count, NULL, NULL, &reference), CHIARO_OK);
-    lit_light(lit, room->lights, room->light_count, seen, rays);
+    lit_light(lit, room->lights, room->light_count, chiaro_rays_visible, rays);
     ChiaroWorldDesc desc = {.struct_size = sizeof desc, .object_capacity = 1, .cube_capacity = CHIARO_MAX_OBJECT_PARTS,
                             .transport = &lit->transport};
     ChiaroWorld *world;

@@ -39,12 +39,6 @@ static inline void close_bake(Bake *bake)
     free(bake->irradiance);
 }
 
-/* Whether light reaches a point; `user`: the rays. */
-static inline bool sees(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
-{
-    return chiaro_rays_light_visible(user, light, vec3_load(point), vec3_load(normal));
-}
-
 /* How many numbers of the light are negative or not finite. */
 static inline double bad_numbers(const Bake *bake)
 {
@@ -57,7 +51,8 @@ static inline double bad_numbers(const Bake *bake)
 /* Puts it under lights and a sky; returns its bad numbers. */
 static inline double light_up(Bake *bake, const ChiaroLight *lights, uint32_t count, const ChiaroSky *sky)
 {
-    chiaro_transport_update(&bake->transport, lights, count, sky, sees, bake->rays, bake->scratch, bake->irradiance);
+    chiaro_transport_update(&bake->transport, lights, count, sky, chiaro_rays_visible, bake->rays,
+                            bake->scratch, bake->irradiance);
     return bad_numbers(bake);
 }
 
