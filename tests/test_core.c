@@ -16,6 +16,7 @@
 #include "../src/core/random.h"
 #include "chiaro_shared.h"
 #include "common/check.h"
+#include "common/geometry.h"
 #include "common/made_transport.h"
 #include "common/mesh.h"
 
@@ -24,13 +25,6 @@ static const double pi = 3.14159265358979323846;
 /* ------------------------------------------------------------------------------------------------------------------
  * The light law of samples
  */
-
-static Vec3 random_direction(ChiaroRandom *random)
-{
-    float y = 2 * chiaro_random_float(random) - 1, r = sqrtf(1 - y * y);
-    float phi = 2 * CHIARO_PI * chiaro_random_float(random);
-    return vec3(r * cosf(phi), y, r * sinf(phi));
-}
 
 static void a_lamp_on_the_axis_gives_the_mean_over_the_patch_at_every_distance(void **state)
 {

@@ -2,8 +2,17 @@
 #ifndef CHIARO_TEST_GEOMETRY_H
 #define CHIARO_TEST_GEOMETRY_H
 
+#include "../../src/core/random.h"
 #include "../../src/core/vec.h"
 #include "chiaro/chiaro.h"
+
+/* Evenly over the sphere. */
+static inline Vec3 random_direction(ChiaroRandom *random)
+{
+    float y = 2 * chiaro_random_float(random) - 1, r = sqrtf(1 - y * y);
+    float phi = 2 * CHIARO_PI * chiaro_random_float(random);
+    return vec3(r * cosf(phi), y, r * sinf(phi));
+}
 
 static inline Vec3 corner(const ChiaroScene *scene, uint32_t index)
 {
