@@ -11,8 +11,6 @@
 #include "common/bake.h"
 #include "common/clock.h"
 
-static const double pi = 3.14159265358979323846;
-
 static ChiaroBakeDesc small_bake(void)
 {
     return (ChiaroBakeDesc){.struct_size = sizeof(ChiaroBakeDesc), .samples = 256, .rays = 512, .receivers = 120,

@@ -20,8 +20,6 @@
 #include "common/made_transport.h"
 #include "common/mesh.h"
 
-static const double pi = 3.14159265358979323846;
-
 /* ------------------------------------------------------------------------------------------------------------------
  * The light law of samples
  */

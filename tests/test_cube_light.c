@@ -11,8 +11,6 @@
 #include "common/cubes.h"
 #include "common/geometry.h"
 
-static const double pi = 3.14159265358979323846;
-
 /* ------------------------------------------------------------------------------------------------------------------
  * Light against closed forms
  */

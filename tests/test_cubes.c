@@ -11,8 +11,6 @@
 #include "common/cubes.h"
 #include "common/geometry.h"
 
-static const double pi = 3.14159265358979323846;
-
 static double largest_difference(const float *a, const float *b, uint32_t count)
 {
     double largest = 0;

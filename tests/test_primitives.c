@@ -10,8 +10,6 @@
 #include "common/elements.h"
 #include "common/geometry.h"
 
-static const double pi = 3.14159265358979323846;
-
 static Object make_box(Vec3 x, Vec3 y, Vec3 z, uint32_t steps)
 {
     Object object = object_begin(6 * steps * steps);

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-static const double pi = 3.14159265358979323846;
+#include "common/check.h"
 
 /* `slack`: what the scene itself differs from the ideal shape, relative. */
 static void assert_close(double value, double error, double truth, double slack)

@@ -13,8 +13,6 @@
 #include "common/bake.h"
 #include "common/table.h"
 
-static const double pi = 3.14159265358979323846;
-
 /* A closed room, or a yard open to the sky. */
 static Bake bake_place(bool closed)
 {

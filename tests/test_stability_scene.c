@@ -138,7 +138,7 @@ static void check_furnace(Table *table, const char *name, const Mesh *mesh, doub
 static void triangles_that_should_not_be(void **state)
 {
     (void)state;
-    const double truth = 2 * 3.14159265358979;
+    const double truth = 2 * pi;
     Table table = table_begin("scenes: triangles that should not be, in a furnace of 2 pi");
     Mesh mesh = furnace();
     for (uint32_t k = 0; k < 200; k++) { /* on the floor, a micrometre wide and 3 m long */
@@ -241,14 +241,14 @@ static void an_object_of_a_million_triangles(void **state)
     assert_int_equal(chiaro_object_add(world, &object, matrix, &id), CHIARO_OK);
     while (chiaro_world_update(world, 10, NULL) > 0) {
     }
-    double worst = 3.14159265358979;
+    double worst = pi;
     for (uint32_t v = 0; v < CORNERS; v += 997) {
         float light[3];
         assert_int_equal(chiaro_object_irradiance(world, id, v, light), CHIARO_OK);
-        worst = fabs((double)light[0] - 3.14159265358979) > fabs(worst - 3.14159265358979) ? (double)light[0] : worst;
+        worst = fabs((double)light[0] - pi) > fabs(worst - pi) ? (double)light[0] : worst;
     }
     table_near(&table, "vertices that come out", CORNERS, object.vertex_count, 0);
-    table_near(&table, "worst vertex", 3.14159265358979, worst, 0.01);
+    table_near(&table, "worst vertex", pi, worst, 0.01);
     chiaro_world_destroy(world);
     chiaro_blob_free(&blob);
     free(vertices);

@@ -142,7 +142,7 @@ static void exact_irradiance(const ChiaroSky *sky, Vec3 normal, double rgb[3])
 {
     rgb[0] = rgb[1] = rgb[2] = 0;
     for (uint32_t i = 0; i < SKY_WIDTH * SKY_HEIGHT; i++) {
-        double upper = (double)(i / SKY_WIDTH) / SKY_HEIGHT, lower = upper + 1.0 / SKY_HEIGHT, pi = (double)CHIARO_PI;
+        double upper = (double)(i / SKY_WIDTH) / SKY_HEIGHT, lower = upper + 1.0 / SKY_HEIGHT;
         double angle = 2 * pi / SKY_WIDTH * (cos(pi * upper) - cos(pi * lower));
         double cosine = (double)vec3_dot(normal, sky_direction(i % SKY_WIDTH, i / SKY_WIDTH));
         for (uint32_t c = 0; c < 3 && cosine > 0; c++)

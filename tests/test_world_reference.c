@@ -1,5 +1,4 @@
 /* The world of objects against the path tracer: many balls on a plane, and a ball and a box carried through a room. */
-#include "../samples/common/scenes.h"
 #include "../src/core/random.h"
 #include "../src/core/vec.h"
 #include "../src/offline/rays.h"
@@ -15,6 +14,7 @@
 #include <cmocka.h>
 
 #include "common/check.h"
+#include "common/made_scene.h"
 
 /* Sums of a comparison. */
 typedef struct Sums {
@@ -48,14 +48,11 @@ enum { BALLS = 100, COLOURS = 9, PROBES = 300, PATHS = 512 };
 static void balls_on_a_plane_under_a_sky_and_a_sun(void **state)
 {
     (void)state;
-    TestScene made;
-    SceneRequest request = {0};
-    const char *fault;
+    TestScene made = make_scene("spheres", (SceneRequest){0});
     float pixels[3 * 64 * 32], origin[3] = {0, 0, 0}, nothing[3] = {1, 1, 1};
     ChiaroSky sky = gradient_sky(pixels, 64, 32);
     ChiaroLight sun = {.type = CHIARO_LIGHT_SUN, .intensity = {3, 2.8f, 2.5f}};
     vec3_store(sun.direction, vec3_normalize(vec3(-0.4f, -0.8f, -0.45f)));
-    assert_true(scenes_make("spheres", &request, &made, &fault));
     ChiaroRays *rays;
     assert_int_equal(chiaro_rays_create(&made.scene, NULL, &rays), CHIARO_OK);
     ChiaroScene plane = piece_make(&made.scene, made.nodes[0].first_part, made.nodes[0].part_count, origin);
@@ -200,11 +197,8 @@ static void carry(const Moving *moving, const char *what)
     static const float places[PLACES][3] = {{1.0f, 0.6f, 4.6f}, {1.2f, 1.6f, 4.2f}, {2.8f, 4.0f, 2.0f},
                                             {4.6f, 1.0f, 1.2f}, {1.9f, 2.4f, 1.6f}, {0.8f, 3.5f, 2.6f},
                                             {4.4f, 4.4f, 4.6f}, {2.8f, 3.0f, 0.8f}};
-    TestScene room;
-    SceneRequest request = {0};
-    const char *fault;
+    TestScene room = make_scene("cornell", (SceneRequest){0});
     double errors[PLACES];
-    assert_true(scenes_make("cornell", &request, &room, &fault));
     Lit lit = lit_make(&room.scene, NULL, 2048);
     for (int k = 0; k < PLACES; k++) {
         float c = cosf(0.7f * (float)k), s = sinf(0.7f * (float)k);

@@ -4,7 +4,7 @@
 
 #include "../../src/core/random.h"
 #include "../../src/core/vec.h"
-#include "chiaro/chiaro.h"
+#include "mesh.h"
 
 /* Evenly over the sphere. */
 static inline Vec3 random_direction(ChiaroRandom *random)
@@ -12,11 +12,6 @@ static inline Vec3 random_direction(ChiaroRandom *random)
     float y = 2 * chiaro_random_float(random) - 1, r = sqrtf(1 - y * y);
     float phi = 2 * CHIARO_PI * chiaro_random_float(random);
     return vec3(r * cosf(phi), y, r * sinf(phi));
-}
-
-static inline Vec3 corner(const ChiaroScene *scene, uint32_t index)
-{
-    return vec3_load(scene->vertices[scene->indices[index]].position);
 }
 
 static inline Vec3 face_normal(const ChiaroScene *scene, uint32_t first)

@@ -1,16 +1,14 @@
 /* Scenes made by hand, for tests. Flat shading: every triangle has corners of its own. */
 #include "mesh.h"
 
-#include <stdio.h>
+#include "insist.h"
+
 #include <stdlib.h>
 
 static void *grown(void *memory, size_t count, size_t size)
 {
     memory = realloc(memory, count * size);
-    if (!memory) {
-        fputs("out of memory\n", stderr);
-        abort();
-    }
+    insist(memory != NULL, "memory");
     return memory;
 }
 

@@ -34,4 +34,10 @@ Mesh mesh_room(float albedo, float emission);
 /* A sphere about the origin seen from inside, of flat triangles with every corner on it; with `bowl` only y <= 0. */
 void mesh_sphere(Mesh *mesh, float radius, uint32_t rings, bool bowl);
 
+/* Where the corner is that an index names, of any scene. */
+static inline Vec3 corner(const ChiaroScene *scene, uint32_t index)
+{
+    return vec3_load(scene->vertices[scene->indices[index]].position);
+}
+
 #endif
