@@ -1,5 +1,5 @@
-/* What stands in the way: form factors of spheres, discs and nodes against closed forms and sums by brute force, and several
- * blockers together against rays. */
+/* What stands in the way: form factors of spheres, discs and nodes against closed forms and sums by brute force, and
+ * several blockers together against rays. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -1,5 +1,5 @@
-/* Environment cubes as light: far lights, skies and painted spheres against closed forms, what hides what, and what eight
- * bits cost. */
+/* Environment cubes as light: far lights, skies and painted spheres against closed forms, what hides what, and what
+ * eight bits cost. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -70,7 +70,8 @@ static void the_same_scene_gives_the_same_bytes(void **state)
     for (uint32_t n = 0; scene_name(n); n++) {
         ChiaroIoFile first, second;
         ChiaroIoError error;
-        TestScene made = make_scene(scene_name(n), (SceneRequest){0}), again = make_scene(scene_name(n), (SceneRequest){0});
+        TestScene made = make_scene(scene_name(n), (SceneRequest){0});
+        TestScene again = make_scene(scene_name(n), (SceneRequest){0});
         assert_true(chiaro_io_write_glb(OUT "own-a.glb", &made.scene, made.nodes, made.node_count, &error));
         assert_true(chiaro_io_write_glb(OUT "own-b.glb", &again.scene, again.nodes, again.node_count, &error));
         assert_true(chiaro_io_map(OUT "own-a.glb", &first, &error) && chiaro_io_map(OUT "own-b.glb", &second, &error));

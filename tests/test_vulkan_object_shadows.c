@@ -1,5 +1,5 @@
-/* Moving objects and what stays, in the renderer: their shadows against the same thing built into the scene, how they darken
- * and light static surfaces, and the light that they get from there. */
+/* Moving objects and what stays, in the renderer: their shadows against the same thing built into the scene, how they
+ * darken and light static surfaces, and the light that they get from there. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

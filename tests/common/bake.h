@@ -1,5 +1,5 @@
-/* A scene, its bake, and the light that it gives, seen by the scene's own rays: for tests of whole bakes. Included after
- * cmocka.h. */
+/* A scene, its bake, and the light that it gives, seen by the scene's own rays: for tests of whole bakes. Included
+ * after cmocka.h. */
 #ifndef CHIARO_TEST_BAKE_H
 #define CHIARO_TEST_BAKE_H
 

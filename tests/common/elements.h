@@ -1,5 +1,5 @@
-/* Objects made of surface elements: spheres and rectangles, for tests of primitives and of what they block. Included after
- * cmocka.h. */
+/* Objects made of surface elements: spheres and rectangles, for tests of primitives and of what they block. Included
+ * after cmocka.h. */
 #ifndef CHIARO_TEST_ELEMENTS_H
 #define CHIARO_TEST_ELEMENTS_H
 

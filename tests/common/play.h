@@ -7,7 +7,7 @@
 #include "check.h"
 #include "stage.h"
 
-/* ---- a shape that is baked ------------------------------------------------------------------------------------------ */
+/* ---- a shape that is baked --------------------------------------------------------------------------------------- */
 
 typedef struct Shape {
     TestScene made;
@@ -38,7 +38,7 @@ static inline void moved_to(float transform[16], Vec3 place, float turn, float s
     memcpy(transform, m, sizeof m);
 }
 
-/* ---- a stage with a world ----------------------------------------------------------------------------------------- */
+/* ---- a stage with a world ---------------------------------------------------------------------------------------- */
 
 typedef struct Play {
     Stage stage;
@@ -115,7 +115,7 @@ static inline const float *settled(Play *play)
     return pixels;
 }
 
-/* ---- a floor under them --------------------------------------------------------------------------------------------- */
+/* ---- a floor under them ------------------------------------------------------------------------------------------ */
 
 static inline Mesh floor_mesh(void)
 {
