@@ -212,7 +212,7 @@ endif
 
 doc: ## the API reference, from the headers: build/doc/html/index.html
 	@mkdir -p build/doc
-	@{ cat Doxyfile; echo 'PROJECT_NUMBER = $(VERSION)'; echo 'OUTPUT_DIRECTORY = build/doc'; } | doxygen -
+	@{ cat include/Doxyfile; echo 'PROJECT_NUMBER = $(VERSION)'; echo 'OUTPUT_DIRECTORY = build/doc'; } | doxygen -
 	@echo build/doc/html/index.html
 
 install: all ## install into PREFIX (default /usr/local; DESTDIR is honoured)

@@ -1,5 +1,4 @@
 /* What moves in a glTF file: objects, their own spaces, and where animations take them. */
-#include "../samples/common/scenes.h"
 #include "../src/io/io.h"
 
 #include <setjmp.h>
@@ -13,6 +12,7 @@
 #include "common/check.h"
 #include "common/geometry.h"
 #include "common/glb.h"
+#include "common/made_scene.h"
 
 /* One channel and the file around it: a floor that stays, an arm with a hand on it, a ball of twice the size. */
 typedef struct Motion {
@@ -145,13 +145,10 @@ static void named_nodes_are_objects_that_stay(void **state)
     (void)state;
     const char *const star[1] = {"sphere*"}, *const two[2] = {"sphere_07", "plane"}, *const all[1] = {"all"},
                       *const wrong[1] = {"cube"};
-    TestScene made;
+    TestScene made = make_scene("spheres", (SceneRequest){0});
     ChiaroIoScene scene;
     ChiaroIoError error;
-    const char *fault;
     float m[16];
-    const SceneRequest request = {0};
-    assert_true(scenes_make("spheres", &request, &made, &fault));
     assert_true(chiaro_io_write_glb(OUT "spheres.glb", &made.scene, made.nodes, made.node_count, &error));
     assert_true(chiaro_io_read_gltf_dynamic(OUT "spheres.glb", star, 1, &scene, &error));
     assert_int_equal(scene.object_count, 100);

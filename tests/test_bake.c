@@ -6,24 +6,10 @@
 #include <cmocka.h>
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 
-#include "../src/offline/rays.h"
-#include "chiaro/chiaro_bake.h"
 #include "chiaro_shared.h"
-#include "common/check.h"
-#include "common/mesh.h"
-
-static const double pi = 3.14159265358979323846;
-
-/* A scene, its bake, and what it gives. */
-typedef struct Bake {
-    Mesh mesh;
-    ChiaroBlob blob;
-    ChiaroTransport transport;
-    ChiaroRays *rays;
-    float *scratch, *irradiance;
-} Bake;
+#include "common/bake.h"
+#include "common/clock.h"
 
 static ChiaroBakeDesc small_bake(void)
 {
@@ -31,57 +17,10 @@ static ChiaroBakeDesc small_bake(void)
                             .threads = 2, .seed = 1};
 }
 
-/* Bakes a mesh, which it takes over. */
-static void open_bake(Bake *bake, const Mesh *mesh, const ChiaroBakeDesc *desc)
-{
-    *bake = (Bake){.mesh = *mesh};
-    assert_int_equal(chiaro_bake(&bake->mesh.scene, desc, &bake->blob), CHIARO_OK);
-    assert_int_equal(chiaro_transport_open(bake->blob.data, bake->blob.size, &bake->transport, NULL), CHIARO_OK);
-    assert_int_equal(chiaro_rays_create(&bake->mesh.scene, NULL, &bake->rays), CHIARO_OK);
-    const ChiaroTransport *t = &bake->transport;
-    bake->scratch = new_array(3 * ((size_t)t->node_count + t->sample_count), sizeof(float));
-    bake->irradiance = new_array(3 * (size_t)t->receiver_count, sizeof(float));
-}
-
-static void close_bake(Bake *bake)
-{
-    chiaro_rays_destroy(bake->rays);
-    chiaro_blob_free(&bake->blob);
-    mesh_end(&bake->mesh);
-    free(bake->scratch);
-    free(bake->irradiance);
-}
-
-static bool sees(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
-{
-    return chiaro_rays_light_visible(user, light, vec3_load(point), vec3_load(normal));
-}
-
-static void light_up(Bake *bake, const ChiaroLight *lights, uint32_t count, const ChiaroSky *sky)
-{
-    chiaro_transport_update(&bake->transport, lights, count, sky, sees, bake->rays, bake->scratch, bake->irradiance);
-    for (uint32_t i = 0; i < 3 * bake->transport.receiver_count; i++)
-        assert_true(isfinite(bake->irradiance[i]) && bake->irradiance[i] >= 0);
-}
-
-static ChiaroLight lamp_at(float x, float y, float z, float intensity)
-{
-    return (ChiaroLight){.type = CHIARO_LIGHT_POINT, .position = {x, y, z},
-                         .intensity = {intensity, intensity, intensity}};
-}
-
 static void paint(Mesh *mesh, float red, float green, float blue)
 {
     float *albedo = mesh->materials[mesh->scene.material_count - 1].albedo;
     albedo[0] = red, albedo[1] = green, albedo[2] = blue;
-}
-
-static Mesh room(float albedo, float emission)
-{
-    Mesh mesh = mesh_begin();
-    mesh_material(&mesh, albedo, emission);
-    mesh_box(&mesh, vec3(0, 0, 0), vec3(3, 2, 4));
-    return mesh;
 }
 
 /* Irradiance at the drawn vertices, as the mean over the area of the drawn triangles. */
@@ -125,11 +64,10 @@ static void a_furnace_is_even_at_every_albedo(void **state)
     (void)state;
     const float albedos[] = {0.5f, 0.9f, 0.99f};
     for (int i = 0; i < 3; i++) {
-        Mesh mesh = room(albedos[i], 1);
+        Mesh mesh = mesh_room(albedos[i], 1);
         ChiaroBakeDesc desc = small_bake();
-        Bake bake;
-        open_bake(&bake, &mesh, &desc);
-        light_up(&bake, NULL, 0, NULL);
+        Bake bake = open_bake(&mesh, &desc);
+        must_light_up(&bake, NULL, 0, NULL);
         double truth = pi / (1 - (double)albedos[i]);
         for (uint32_t r = 0; r < 3 * bake.transport.receiver_count; r++)
             assert_near("albedo", (double)albedos[i], (double)bake.irradiance[r], truth, 0.01 * truth);
@@ -141,14 +79,13 @@ static void a_coloured_furnace_keeps_its_channels_apart(void **state)
 {
     (void)state;
     const double albedo[3] = {0.9, 0.5, 0.05}, emission[3] = {1, 0.25, 3};
-    Mesh mesh = room(0.5f, 0);
+    Mesh mesh = mesh_room(0.5f, 0);
     paint(&mesh, 0.9f, 0.5f, 0.05f);
     for (int c = 0; c < 3; c++)
         mesh.materials[0].emission[c] = (float)emission[c];
     ChiaroBakeDesc desc = small_bake();
-    Bake bake;
-    open_bake(&bake, &mesh, &desc);
-    light_up(&bake, NULL, 0, NULL);
+    Bake bake = open_bake(&mesh, &desc);
+    must_light_up(&bake, NULL, 0, NULL);
     for (uint32_t r = 0; r < 3 * bake.transport.receiver_count; r++) {
         double truth = pi * emission[r % 3] / (1 - albedo[r % 3]);
         assert_near("channel", r % 3, (double)bake.irradiance[r], truth, 0.01 * truth);
@@ -162,15 +99,14 @@ static void a_lamp_in_a_closed_box_gives_the_mean_of_an_integrating_sphere(void 
 {
     (void)state;
     const double albedo[3] = {0.9, 0.5, 0.2};
-    Mesh mesh = room(0.5f, 0);
+    Mesh mesh = mesh_room(0.5f, 0);
     paint(&mesh, 0.9f, 0.5f, 0.2f);
     ChiaroBakeDesc desc = small_bake();
     desc.samples = 1024, desc.receivers = 500;
-    Bake bake;
-    open_bake(&bake, &mesh, &desc);
+    Bake bake = open_bake(&mesh, &desc);
     const ChiaroLight lamps[] = {lamp_at(1.5f, 1, 2, 1), lamp_at(0.6f, 1.5f, 3, 1), lamp_at(2, 0.4f, 1, 1)};
     for (uint32_t l = 0; l < 3; l++) {
-        light_up(&bake, &lamps[l], 1, NULL);
+        must_light_up(&bake, &lamps[l], 1, NULL);
         for (uint32_t c = 0; c < 3; c++) {
             double area, mean = mean_irradiance(&bake, c, &area), truth = 4 * pi / 52 * albedo[c] / (1 - albedo[c]);
             assert_near("area", l, area, 52, 1e-3);
@@ -204,11 +140,10 @@ static void a_sphere_of_two_albedos_is_lit_evenly(void **state)
     mesh_end(&bowl);
     ChiaroBakeDesc desc = small_bake();
     desc.receivers = 300;
-    Bake bake;
-    open_bake(&bake, &mesh, &desc);
+    Bake bake = open_bake(&mesh, &desc);
     /* A lamp in the middle: E = 1 straight, then E = mean(rho) (1 + E). */
     ChiaroLight lamp = lamp_at(0, 0, 0, 1);
-    light_up(&bake, &lamp, 1, NULL);
+    must_light_up(&bake, &lamp, 1, NULL);
     for (uint32_t c = 0; c < 3; c++) {
         double rho = (upper[c] + lower[c]) / 2, area, mean = mean_irradiance(&bake, c, &area);
         double truth = 4 * pi / area * rho / (1 - rho); /* facets have a little less area than a sphere */
@@ -232,10 +167,9 @@ static void a_bowl_under_a_uniform_sky(void **state)
     mesh_sphere(&mesh, 2, 24, true);
     ChiaroBakeDesc desc = small_bake();
     desc.receivers = 200;
-    Bake bake;
-    open_bake(&bake, &mesh, &desc);
+    Bake bake = open_bake(&mesh, &desc);
     assert_int_equal(bake.transport.info.sky_seen, 1);
-    light_up(&bake, NULL, 0, &sky);
+    must_light_up(&bake, NULL, 0, &sky);
     for (uint32_t c = 0; c < 3; c++) {
         double truth = pi * 0.5 / (1 - albedo[c] * 0.5), area;
         assert_near("mean", albedo[c], mean_irradiance(&bake, c, &area), truth, 0.01 * truth);
@@ -273,9 +207,8 @@ static void tilted_planes_under_a_cosine_sky(void **state)
         mesh_triangle(&mesh, vec3_sub(vec3_scale(t, -1), s), vec3_sub(t, s), s);
         ChiaroBakeDesc desc = small_bake();
         desc.links = 128, desc.rays = 2048;
-        Bake bake;
-        open_bake(&bake, &mesh, &desc);
-        light_up(&bake, NULL, 0, &sky);
+        Bake bake = open_bake(&mesh, &desc);
+        must_light_up(&bake, NULL, 0, &sky);
         for (uint32_t r = 0; r < 3 * bake.transport.receiver_count; r++)
             assert_near("tilt", tilts[k], (double)bake.irradiance[r], truth, 0.02 * truth);
         close_bake(&bake);
@@ -310,9 +243,8 @@ static void links_keep_the_energy_of_a_uniform_sky(void **state)
         Mesh mesh = yard(0);
         ChiaroBakeDesc desc = small_bake();
         desc.links = links[k];
-        Bake bake;
-        open_bake(&bake, &mesh, &desc);
-        light_up(&bake, NULL, 0, &sky);
+        Bake bake = open_bake(&mesh, &desc);
+        must_light_up(&bake, NULL, 0, &sky);
         for (uint32_t r = 0; r < bake.transport.receiver_count; r++) {
             double truth = (double)CHIARO_PI * (double)bake.transport.receivers[r].sky;
             assert_near("receiver", r, (double)bake.irradiance[3 * r], truth, 1e-3 * (double)CHIARO_PI);
@@ -324,28 +256,27 @@ static void links_keep_the_energy_of_a_uniform_sky(void **state)
 static void baked_light_is_linear_and_goes_out(void **state)
 {
     (void)state;
-    Mesh mesh = room(0.7f, 0);
+    Mesh mesh = mesh_room(0.7f, 0);
     ChiaroBakeDesc desc = small_bake();
-    Bake bake;
-    open_bake(&bake, &mesh, &desc);
+    Bake bake = open_bake(&mesh, &desc);
     size_t n = 3 * (size_t)bake.transport.receiver_count;
     float *a = new_array(n, sizeof *a), *b = new_array(n, sizeof *b);
     ChiaroLight lamps[2] = {lamp_at(1, 1, 1, 2), lamp_at(2, 0.5f, 3, 3)};
-    light_up(&bake, &lamps[0], 1, NULL);
+    must_light_up(&bake, &lamps[0], 1, NULL);
     memcpy(a, bake.irradiance, n * sizeof *a);
-    light_up(&bake, &lamps[1], 1, NULL);
+    must_light_up(&bake, &lamps[1], 1, NULL);
     memcpy(b, bake.irradiance, n * sizeof *b);
-    light_up(&bake, lamps, 2, NULL);
+    must_light_up(&bake, lamps, 2, NULL);
     for (size_t i = 0; i < n; i++) {
         double sum = (double)a[i] + (double)b[i];
         assert_near("sum", (double)i, (double)bake.irradiance[i], sum, 1e-5 * sum);
     }
     for (int c = 0; c < 3; c++)
         lamps[0].intensity[c] *= 4096;
-    light_up(&bake, &lamps[0], 1, NULL);
+    must_light_up(&bake, &lamps[0], 1, NULL);
     for (size_t i = 0; i < n; i++)
         assert_true(bake.irradiance[i] == 4096 * a[i]);
-    light_up(&bake, NULL, 0, NULL);
+    must_light_up(&bake, NULL, 0, NULL);
     for (size_t i = 0; i < n; i++)
         assert_true(bake.irradiance[i] == 0);
     free(a);
@@ -398,7 +329,7 @@ typedef struct Watch {
     uint32_t calls, stop_at;
     bool stopped;
     float last;
-    struct timespec when;
+    double when; /* it was told to stop */
 } Watch;
 
 static bool watch(const char *stage, float done, void *user)
@@ -411,7 +342,7 @@ static bool watch(const char *stage, float done, void *user)
     if (++w->calls != w->stop_at)
         return true;
     w->stopped = true;
-    clock_gettime(CLOCK_MONOTONIC, &w->when);
+    w->when = clock_now();
     return false;
 }
 
@@ -435,9 +366,7 @@ static void progress_rises_to_its_end_and_can_stop_a_bake_anywhere(void **state)
         desc.progress_user = &w;
         blob = (ChiaroBlob){&mesh, 77};
         assert_int_equal(chiaro_bake(&mesh.scene, &desc, &blob), CHIARO_ERROR_INTERRUPTED);
-        struct timespec now;
-        clock_gettime(CLOCK_MONOTONIC, &now);
-        double waited = (double)(now.tv_sec - w.when.tv_sec) + 1e-9 * (double)(now.tv_nsec - w.when.tv_nsec);
+        double waited = clock_now() - w.when;
         assert_true(w.stopped);
         assert_true(blob.data == &mesh && blob.size == 77);
         assert_below("seconds until it stopped, at call", w.stop_at, waited, 2);
@@ -448,7 +377,7 @@ static void progress_rises_to_its_end_and_can_stop_a_bake_anywhere(void **state)
 static void wrong_descriptions_are_refused(void **state)
 {
     (void)state;
-    Mesh mesh = room(0.5f, 0), empty = mesh_begin();
+    Mesh mesh = mesh_room(0.5f, 0), empty = mesh_begin();
     ChiaroBlob blob = {&mesh, 77};
     ChiaroBakeDesc good = small_bake();
     const struct {
@@ -490,7 +419,7 @@ static void wrong_descriptions_are_refused(void **state)
 static void triangles_without_area_are_counted_and_change_nothing(void **state)
 {
     (void)state;
-    Mesh mesh = room(0.5f, 1);
+    Mesh mesh = mesh_room(0.5f, 1);
     Vec3 p = vec3(1, 1, 1), q = vec3(2, 1, 1);
     for (uint32_t k = 0; k < 3; k++) { /* a point, a line, a line of three points; their normals are anything */
         mesh_triangle(&mesh, p, k ? q : p, k == 2 ? vec3(1.5f, 1, 1) : p);
@@ -498,10 +427,9 @@ static void triangles_without_area_are_counted_and_change_nothing(void **state)
             vec3_store(mesh.vertices[mesh.scene.vertex_count - 1 - i].normal, vec3(0, 1, 0));
     }
     ChiaroBakeDesc desc = small_bake();
-    Bake bake;
-    open_bake(&bake, &mesh, &desc);
+    Bake bake = open_bake(&mesh, &desc);
     assert_int_equal(bake.transport.info.degenerate_triangles, 3);
-    light_up(&bake, NULL, 0, NULL);
+    must_light_up(&bake, NULL, 0, NULL);
     double area;
     assert_near("mean", 0, mean_irradiance(&bake, 0, &area), 2 * pi, 0.01 * 2 * pi);
     close_bake(&bake);
@@ -515,9 +443,8 @@ static void a_face_given_twice_is_no_harm(void **state)
     mesh_box(&mesh, vec3(0, 0, 0), vec3(3, 2, 4));
     mesh_box(&mesh, vec3(0, 0, 0), vec3(3, 2, 4));
     ChiaroBakeDesc desc = small_bake();
-    Bake bake;
-    open_bake(&bake, &mesh, &desc);
-    light_up(&bake, NULL, 0, NULL);
+    Bake bake = open_bake(&mesh, &desc);
+    must_light_up(&bake, NULL, 0, NULL);
     for (uint32_t r = 0; r < 3 * bake.transport.receiver_count; r++)
         assert_near("receiver", r / 3, (double)bake.irradiance[r], 2 * pi, 0.01 * 2 * pi);
     close_bake(&bake);
@@ -532,13 +459,12 @@ static void one_triangle_receives_nothing_but_sky(void **state)
     mesh_material(&mesh, 0.5f, 2);
     mesh_triangle(&mesh, vec3(0, 0, 0), vec3(0, 0, 1), vec3(1, 0, 0));
     ChiaroBakeDesc desc = small_bake();
-    Bake bake;
-    open_bake(&bake, &mesh, &desc);
+    Bake bake = open_bake(&mesh, &desc);
     ChiaroLight lamp = lamp_at(0.2f, 0.5f, 0.2f, 10);
-    light_up(&bake, &lamp, 1, NULL);
+    must_light_up(&bake, &lamp, 1, NULL);
     for (uint32_t i = 0; i < 3 * bake.transport.receiver_count; i++)
         assert_true(bake.irradiance[i] == 0);
-    light_up(&bake, &lamp, 1, &sky);
+    must_light_up(&bake, &lamp, 1, &sky);
     for (uint32_t i = 0; i < 3 * bake.transport.receiver_count; i++)
         assert_near("sky", i, (double)bake.irradiance[i], pi * (double)one[i % 3], 1e-3 * pi * (double)one[i % 3]);
     close_bake(&bake);
@@ -547,12 +473,11 @@ static void one_triangle_receives_nothing_but_sky(void **state)
 static void black_walls_send_nothing_back(void **state)
 {
     (void)state;
-    Mesh mesh = room(0, 0);
+    Mesh mesh = mesh_room(0, 0);
     ChiaroBakeDesc desc = small_bake();
-    Bake bake;
-    open_bake(&bake, &mesh, &desc);
+    Bake bake = open_bake(&mesh, &desc);
     ChiaroLight lamp = lamp_at(1, 1, 1, 1e6f);
-    light_up(&bake, &lamp, 1, NULL);
+    must_light_up(&bake, &lamp, 1, NULL);
     for (uint32_t i = 0; i < 3 * bake.transport.receiver_count; i++)
         assert_true(bake.irradiance[i] == 0);
     close_bake(&bake);
@@ -561,20 +486,19 @@ static void black_walls_send_nothing_back(void **state)
 static void albedo_above_the_limit_is_clamped_and_counted(void **state)
 {
     (void)state;
-    Mesh mesh = room(1, 1);
+    Mesh mesh = mesh_room(1, 1);
     ChiaroBakeDesc desc = small_bake();
     desc.clamped_materials = 3; /* by the importer; one more is found here */
-    Bake bake;
-    open_bake(&bake, &mesh, &desc);
+    Bake bake = open_bake(&mesh, &desc);
     assert_int_equal(bake.transport.info.clamped_materials, 4);
-    light_up(&bake, NULL, 0, NULL);
+    must_light_up(&bake, NULL, 0, NULL);
     for (uint32_t r = 0; r < 3 * bake.transport.receiver_count; r++)
         assert_near("receiver", r / 3, (double)bake.irradiance[r], 100 * pi, pi);
     close_bake(&bake);
 }
 
 /* Light of a lamp in a room with a block, the lamp's intensity scaled with the room's surface. */
-static void light_scaled(Bake *bake, float scale)
+static Bake light_scaled(float scale)
 {
     Mesh mesh = mesh_begin();
     mesh_material(&mesh, 0.7f, 0);
@@ -584,9 +508,10 @@ static void light_scaled(Bake *bake, float scale)
     mesh_quad(&mesh, vec3(l, l, h), vec3(h, l, h), vec3(h, l, l), vec3(l, l, l)); /* a shelf that faces up */
     ChiaroBakeDesc desc = small_bake();
     desc.samples = 1024, desc.links = 128, desc.rays = 4096; /* patches, blocks and rays may fall otherwise */
-    open_bake(bake, &mesh, &desc);
+    Bake bake = open_bake(&mesh, &desc);
     ChiaroLight lamp = lamp_at(1.2f * scale, 1.2f * scale, 3 * scale, scale * scale);
-    light_up(bake, &lamp, 1, NULL);
+    must_light_up(&bake, &lamp, 1, NULL);
+    return bake;
 }
 
 /* Powers of two leave every rounding as it was: the same to the last digits. Others change roundings, so another bake
@@ -598,12 +523,10 @@ static void the_size_of_a_scene_does_not_matter(void **state)
         float scale;
         double wrong;
     } cases[] = {{0.0009765625f, 1e-4}, {1024, 1e-4}, {1e-3f, 0.03}, {1e3f, 0.03}};
-    Bake unit;
-    light_scaled(&unit, 1);
+    Bake unit = light_scaled(1);
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
-        Bake bake;
         float scale = cases[k].scale;
-        light_scaled(&bake, scale);
+        Bake bake = light_scaled(scale);
         double area, mean = mean_irradiance(&unit, 1, &area);
         assert_near("mean, scale", (double)scale, mean_irradiance(&bake, 1, &area), mean, 0.01 * mean);
         assert_int_equal(bake.transport.sample_count, unit.transport.sample_count);

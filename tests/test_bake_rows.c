@@ -14,8 +14,6 @@
 #include "common/check.h"
 #include "common/mesh.h"
 
-static const double pi = 3.14159265358979323846;
-
 /* A baker as far as rows need it. */
 typedef struct Rows {
     Mesh mesh;

@@ -16,21 +16,13 @@
 #include "../src/core/random.h"
 #include "chiaro_shared.h"
 #include "common/check.h"
+#include "common/geometry.h"
 #include "common/made_transport.h"
 #include "common/mesh.h"
-
-static const double pi = 3.14159265358979323846;
 
 /* ------------------------------------------------------------------------------------------------------------------
  * The light law of samples
  */
-
-static Vec3 random_direction(ChiaroRandom *random)
-{
-    float y = 2 * chiaro_random_float(random) - 1, r = sqrtf(1 - y * y);
-    float phi = 2 * CHIARO_PI * chiaro_random_float(random);
-    return vec3(r * cosf(phi), y, r * sinf(phi));
-}
 
 static void a_lamp_on_the_axis_gives_the_mean_over_the_patch_at_every_distance(void **state)
 {
@@ -280,9 +272,7 @@ typedef struct Room {
 
 static Room make_room(bool sky, uint32_t links)
 {
-    Room room = {.mesh = mesh_begin()};
-    mesh_material(&room.mesh, 0.7f, 0);
-    mesh_box(&room.mesh, vec3(0, 0, 0), vec3(3, 2, 4));
+    Room room = {.mesh = mesh_room(0.7f, 0)};
     MadeTransportDesc desc = {.mesh_steps = 3, .sample_steps = 4, .points = 3, .links = links, .sky = sky};
     room.transport = made_transport(&room.mesh.scene, &desc);
     const ChiaroTransport *t = &room.transport;

@@ -7,17 +7,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "../src/core/random.h"
 #include "chiaro/chiaro_objects.h"
-#include "common/check.h"
-
-enum { MAX_FLOATS = 4 * CHIARO_CUBE_MAX_TEXELS };
-
-static void random_cube(ChiaroRandom *random, uint32_t texels, float *cube)
-{
-    for (uint32_t k = 0; k < 4 * texels; k++)
-        cube[k] = chiaro_random_float(random);
-}
+#include "common/cubes.h"
 
 static void encodings_keep_what_they_promise(void **state)
 {

@@ -1,5 +1,4 @@
 /* glTF in and out: what a file means and what is refused. Files are made here, byte by byte. */
-#include "../samples/common/scenes.h"
 #include "../src/io/io.h"
 
 #include <setjmp.h>
@@ -13,17 +12,8 @@
 
 #include "common/geometry.h"
 #include "common/glb.h"
+#include "common/made_scene.h"
 #include "common/out.h"
-
-static TestScene make(const char *name, SceneRequest request)
-{
-    TestScene made;
-    const char *fault;
-    if (!scenes_make(name, &request, &made, &fault))
-        fail_msg("%s: %s", name, fault);
-    assert_int_equal(chiaro_scene_check(&made.scene, NULL), CHIARO_OK);
-    return made;
-}
 
 /* ------------------------------------------------------------------------------------------------------------------
  * Writing what is no scene of ours
@@ -40,7 +30,7 @@ static void every_kind_of_light_survives_writing(void **state)
     ChiaroIoScene read;
     ChiaroIoError error;
     (void)state;
-    TestScene made = make("furnace", (SceneRequest){0});
+    TestScene made = make_scene("furnace", (SceneRequest){0});
     made.scene.lights = lights;
     made.scene.light_count = 3;
     assert_true(chiaro_io_write_glb(OUT "lights.glb", &made.scene, NULL, 0, &error));
@@ -64,7 +54,7 @@ static void a_scene_that_is_wrong_is_not_written(void **state)
 {
     ChiaroIoError error;
     (void)state;
-    TestScene made = make("furnace", (SceneRequest){0});
+    TestScene made = make_scene("furnace", (SceneRequest){0});
     ChiaroScene scene = made.scene;
     scene.vertex_count = 3;
     remove(OUT "wrong.glb");
@@ -551,7 +541,7 @@ static void files_cut_short_are_refused_at_every_length(void **state)
     ChiaroIoError error;
     ChiaroIoScene scene;
     (void)state;
-    TestScene made = make("furnace", (SceneRequest){0});
+    TestScene made = make_scene("furnace", (SceneRequest){0});
     assert_true(chiaro_io_write_glb(OUT "whole.glb", &made.scene, made.nodes, made.node_count, &error));
     scenes_free(&made);
     assert_true(chiaro_io_map(OUT "whole.glb", &file, &error));

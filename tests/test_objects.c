@@ -9,6 +9,7 @@
 #include "../src/reference/reference.h"
 #include "common/check.h"
 #include "common/geometry.h"
+#include "common/made_scene.h"
 #include "common/out.h"
 
 #define FILE_NAME OUT "objects-spheres.glb"
@@ -27,16 +28,42 @@ static SceneOptions take_words(int count, const char *const *words)
 
 static ChiaroIoScene read_spheres(const SceneOptions *options)
 {
-    const SceneRequest request = {0};
-    TestScene made;
+    TestScene made = make_scene("spheres", (SceneRequest){0});
     ChiaroIoScene read;
     ChiaroIoError error;
-    const char *fault;
-    assert_true(scenes_make("spheres", &request, &made, &fault));
     assert_true(chiaro_io_write_glb(FILE_NAME, &made.scene, made.nodes, made.node_count, &error));
     assert_true(chiaro_io_read_gltf_dynamic(FILE_NAME, options->dynamic, options->dynamic_count, &read, &error));
     scenes_free(&made);
     return read;
+}
+
+/* The spheres as the options have them, in one scene at time 0. */
+typedef struct Spheres {
+    SceneOptions options;
+    ChiaroIoScene read;
+    SceneObjects objects;
+    MergedScene merged;
+} Spheres;
+
+/* `objects` points to `read`: they stay where they are. */
+static void open_spheres(Spheres *spheres, const char *option, const char *value)
+{
+    spheres->options = take_words(2, (const char *const[]){option, value});
+    spheres->read = read_spheres(&spheres->options);
+    objects_open(&spheres->options, &spheres->read, &spheres->objects);
+}
+
+static void merge_spheres(Spheres *spheres)
+{
+    const double time = 0;
+    assert_true(objects_merge(&spheres->objects, &spheres->read.scene, &time, &spheres->merged));
+}
+
+static void close_spheres(Spheres *spheres)
+{
+    objects_free_merged(&spheres->merged);
+    objects_close(&spheres->objects);
+    chiaro_io_free_scene(&spheres->read);
 }
 
 static void objects_stand_where_the_options_put_them(void **state)
@@ -76,73 +103,56 @@ static void objects_stand_where_the_options_put_them(void **state)
 static void a_merged_scene_is_the_scene_at_rest(void **state)
 {
     (void)state;
-    const char *const words[] = {"--dynamic", "sphere_*"};
-    SceneOptions still = take_words(0, NULL), options = take_words(2, words);
-    ChiaroIoScene whole = read_spheres(&still), read = read_spheres(&options);
-    SceneObjects objects;
-    MergedScene merged;
-    const double time = 0;
-    objects_open(&options, &read, &objects);
-    assert_int_equal(objects.count, 100);
-    assert_true(objects_merge(&objects, &read.scene, &time, &merged));
-    assert_int_equal(chiaro_scene_check(&merged.scene, NULL), CHIARO_OK);
-    assert_int_equal(merged.first_object_part, 1);
-    assert_int_equal(merged.scene.material_count, whole.scene.material_count); /* shared, not copied */
-    assert_int_equal(merged.scene.index_count, whole.scene.index_count);
-    assert_int_equal(merged.scene.part_count, whole.scene.part_count);
+    SceneOptions still = take_words(0, NULL);
+    ChiaroIoScene whole = read_spheres(&still);
+    Spheres spheres;
+    open_spheres(&spheres, "--dynamic", "sphere_*");
+    assert_int_equal(spheres.objects.count, 100);
+    merge_spheres(&spheres);
+    assert_int_equal(chiaro_scene_check(&spheres.merged.scene, NULL), CHIARO_OK);
+    assert_int_equal(spheres.merged.first_object_part, 1);
+    assert_int_equal(spheres.merged.scene.material_count, whole.scene.material_count); /* shared, not copied */
+    assert_int_equal(spheres.merged.scene.index_count, whole.scene.index_count);
+    assert_int_equal(spheres.merged.scene.part_count, whole.scene.part_count);
     for (uint32_t i = 0; i < whole.scene.index_count; i++) {
-        const ChiaroVertex *a = &merged.scene.vertices[merged.scene.indices[i]];
+        const ChiaroVertex *a = &spheres.merged.scene.vertices[spheres.merged.scene.indices[i]];
         const ChiaroVertex *b = &whole.scene.vertices[whole.scene.indices[i]];
         for (uint32_t c = 0; c < 3; c++) {
             assert_near("position", i, (double)a->position[c], (double)b->position[c], 1e-5);
             assert_near("normal", i, (double)a->normal[c], (double)b->normal[c], 1e-5);
         }
     }
-    objects_free_merged(&merged);
-    objects_close(&objects);
-    chiaro_io_free_scene(&read);
+    close_spheres(&spheres);
     chiaro_io_free_scene(&whole);
 }
 
 static void mirrored_objects_keep_their_fronts_in_front(void **state)
 {
     (void)state;
-    const char *const words[] = {"--add", "box,0,0,0,2"};
-    SceneOptions options = take_words(2, words);
-    ChiaroIoScene read = read_spheres(&options);
-    SceneObjects objects;
-    MergedScene merged;
-    const double time = 0;
-    objects_open(&options, &read, &objects);
-    objects.list[0].transform[0] = -3; /* x turned round and stretched */
-    assert_true(objects_merge(&objects, &read.scene, &time, &merged));
-    const ChiaroPart *part = &merged.scene.parts[merged.first_object_part];
+    Spheres spheres;
+    open_spheres(&spheres, "--add", "box,0,0,0,2");
+    spheres.objects.list[0].transform[0] = -3; /* x turned round and stretched */
+    merge_spheres(&spheres);
+    const ChiaroPart *part = &spheres.merged.scene.parts[spheres.merged.first_object_part];
     for (uint32_t i = part->first_index; i < part->first_index + part->index_count; i += 3) {
-        Vec3 front = face_normal(&merged.scene, i);
-        const ChiaroVertex *vertex = &merged.scene.vertices[merged.scene.indices[i]];
-        assert_true(vec3_dot(front, corner(&merged.scene, i)) > 0);
+        Vec3 front = face_normal(&spheres.merged.scene, i);
+        const ChiaroVertex *vertex = &spheres.merged.scene.vertices[spheres.merged.scene.indices[i]];
+        assert_true(vec3_dot(front, corner(&spheres.merged.scene, i)) > 0);
         assert_near("normal", i, (double)vec3_dot(front, vec3_load(vertex->normal)), 1, 1e-5);
     }
-    objects_free_merged(&merged);
-    objects_close(&objects);
-    chiaro_io_free_scene(&read);
+    close_spheres(&spheres);
 }
 
 static void the_reference_knows_which_pixels_show_objects(void **state)
 {
     (void)state;
-    const char *const words[] = {"--add", "sphere,0,3,0,2"};
-    SceneOptions options = take_words(2, words);
-    ChiaroIoScene read = read_spheres(&options);
-    SceneObjects objects;
-    MergedScene merged;
+    Spheres spheres;
     ChiaroReference *reference;
     ChiaroReferenceImages images;
-    const double time = 0;
     enum { EDGE = 32 };
-    objects_open(&options, &read, &objects);
-    assert_true(objects_merge(&objects, &read.scene, &time, &merged));
-    assert_int_equal(chiaro_reference_create(&merged.scene, NULL, 0, NULL, NULL, &reference), CHIARO_OK);
+    open_spheres(&spheres, "--add", "sphere,0,3,0,2");
+    merge_spheres(&spheres);
+    assert_int_equal(chiaro_reference_create(&spheres.merged.scene, NULL, 0, NULL, NULL, &reference), CHIARO_OK);
     ChiaroReferenceDesc desc = {.width = EDGE, .height = EDGE, .spp = 2, .depth = 1,
                                 .camera = {.eye = {0, 3, 10}, .forward = {0, 0, -1}, .up = {0, 1, 0}, .yfov = 0.4f}};
     assert_int_equal(chiaro_reference_render(reference, &desc, &images), CHIARO_OK);
@@ -150,15 +160,13 @@ static void the_reference_knows_which_pixels_show_objects(void **state)
         float x = ((float)(i % EDGE) + 0.5f) / (EDGE / 2) - 1, y = 1 - ((float)(i / EDGE) + 0.5f) / (EDGE / 2);
         /* How far from the middle of the ball the way of the pixel passes. */
         float tangent = tanf(0.2f) * hypotf(x, y), miss = 10 * tangent / sqrtf(1 + tangent * tangent);
-        bool object = images.parts[i] != CHIARO_NONE && images.parts[i] >= merged.first_object_part;
+        bool object = images.parts[i] != CHIARO_NONE && images.parts[i] >= spheres.merged.first_object_part;
         if (fabsf(miss - 1) > 0.05f)
             assert_int_equal(object, miss < 1);
     }
     chiaro_reference_free_images(&images);
     chiaro_reference_destroy(reference);
-    objects_free_merged(&merged);
-    objects_close(&objects);
-    chiaro_io_free_scene(&read);
+    close_spheres(&spheres);
 }
 
 int main(void)

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-static const double pi = 3.14159265358979323846;
+#include "common/check.h"
 
 /* `slack`: what the scene itself differs from the ideal shape, relative. */
 static void assert_close(double value, double error, double truth, double slack)
@@ -59,9 +59,7 @@ static void a_furnace_is_as_bright_as_its_albedo_says(void **state)
     (void)state;
     const float albedos[3] = {0.5f, 0.9f, 0.99f};
     for (int i = 0; i < 3; i++) {
-        Mesh mesh = mesh_begin();
-        mesh_material(&mesh, albedos[i], 1);
-        mesh_box(&mesh, vec3(0, 0, 0), vec3(3, 2, 4));
+        Mesh mesh = mesh_room(albedos[i], 1);
         ChiaroReference *reference = make_reference(&mesh, NULL, 0, NULL);
         ChiaroReferenceIrradiance e = probe(reference, vec3(1, 0, 1.5f), vec3(0, 1, 0), 4096, 0);
         assert_close(e.indirect[1], e.error[1], pi / (1 - (double)albedos[i]), 0);

@@ -1,6 +1,4 @@
 /* Our own scenes: closed where they should be, turned the right way round, and the same after a trip through a file. */
-#include "../samples/common/scenes.h"
-
 #include <setjmp.h>
 #include <stdarg.h>
 #include <string.h>
@@ -9,22 +7,13 @@
 #include <cmocka.h>
 
 #include "common/geometry.h"
+#include "common/made_scene.h"
 #include "common/out.h"
 
 static const char *scene_name(uint32_t i)
 {
     const char *about;
     return scenes_name(i, &about);
-}
-
-static TestScene make(const char *name, SceneRequest request)
-{
-    TestScene made;
-    const char *fault;
-    if (!scenes_make(name, &request, &made, &fault))
-        fail_msg("%s: %s", name, fault);
-    assert_int_equal(chiaro_scene_check(&made.scene, NULL), CHIARO_OK);
-    return made;
 }
 
 static ChiaroIoScene write_and_read(const TestScene *made, const char *path)
@@ -41,7 +30,7 @@ static void every_scene_survives_writing_and_reading(void **state)
 {
     (void)state;
     for (uint32_t n = 0; scene_name(n); n++) {
-        TestScene made = make(scene_name(n), (SceneRequest){0});
+        TestScene made = make_scene(scene_name(n), (SceneRequest){0});
         ChiaroIoScene read = write_and_read(&made, OUT "own-scene.glb");
         const ChiaroScene *a = &made.scene, *b = &read.scene;
         assert_int_equal(a->index_count, b->index_count);
@@ -81,7 +70,8 @@ static void the_same_scene_gives_the_same_bytes(void **state)
     for (uint32_t n = 0; scene_name(n); n++) {
         ChiaroIoFile first, second;
         ChiaroIoError error;
-        TestScene made = make(scene_name(n), (SceneRequest){0}), again = make(scene_name(n), (SceneRequest){0});
+        TestScene made = make_scene(scene_name(n), (SceneRequest){0});
+        TestScene again = make_scene(scene_name(n), (SceneRequest){0});
         assert_true(chiaro_io_write_glb(OUT "own-a.glb", &made.scene, made.nodes, made.node_count, &error));
         assert_true(chiaro_io_write_glb(OUT "own-b.glb", &again.scene, again.nodes, again.node_count, &error));
         assert_true(chiaro_io_map(OUT "own-a.glb", &first, &error) && chiaro_io_map(OUT "own-b.glb", &second, &error));
@@ -107,7 +97,7 @@ static void faces_look_the_way_that_their_normals_do(void **state)
 {
     (void)state;
     for (uint32_t n = 0; scene_name(n); n++) {
-        TestScene made = make(scene_name(n), (SceneRequest){0});
+        TestScene made = make_scene(scene_name(n), (SceneRequest){0});
         for (uint32_t i = 0; i < made.scene.index_count; i++) {
             const float *normal = made.scene.vertices[made.scene.indices[i]].normal;
             assert_true(vec3_dot(face_normal(&made.scene, i - i % 3), vec3_load(normal)) > 0.9f);
@@ -131,7 +121,7 @@ static void rooms_look_inward_and_solids_outward(void **state)
                     {"spheres", 50, 1.5f}};
     (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
-        TestScene made = make(expected[i].name, (SceneRequest){0});
+        TestScene made = make_scene(expected[i].name, (SceneRequest){0});
         float volume = signed_volume(&made.scene);
         if (fabsf(volume - expected[i].volume) > expected[i].tolerance)
             fail_msg("%s has the volume %g, not %g", expected[i].name, (double)volume, (double)expected[i].volume);
@@ -145,7 +135,7 @@ static void rooms_are_closed(void **state)
     static const char *const names[] = {"two-rooms", "corridor", "furnace", "courtyard"};
     (void)state;
     for (size_t n = 0; n < 4; n++) {
-        TestScene made = make(names[n], (SceneRequest){0});
+        TestScene made = make_scene(names[n], (SceneRequest){0});
         const ChiaroScene *s = &made.scene;
         for (uint32_t i = 0; i < s->index_count; i++) {
             Vec3 a = corner(s, i), b = corner(s, i - i % 3 + (i + 1) % 3);
@@ -165,7 +155,7 @@ static void rooms_are_closed(void **state)
 static void the_cornell_box_looks_inside_with_red_on_the_left(void **state)
 {
     (void)state;
-    TestScene made = make("cornell", (SceneRequest){.panel = true});
+    TestScene made = make_scene("cornell", (SceneRequest){.panel = true});
     const ChiaroScene *s = &made.scene;
     const ChiaroCamera *camera = &s->cameras[0];
     Vec3 middle = vec3(2.78f, 2.7f, 2.8f), right = vec3_cross(vec3_load(camera->forward), vec3_load(camera->up));
@@ -199,7 +189,7 @@ static void the_cornell_box_looks_inside_with_red_on_the_left(void **state)
 static void spheres_are_a_hundred_named_nodes(void **state)
 {
     (void)state;
-    TestScene made = make("spheres", (SceneRequest){.has_light = true, .light = {1, 9, 2}});
+    TestScene made = make_scene("spheres", (SceneRequest){.has_light = true, .light = {1, 9, 2}});
     assert_int_equal(made.node_count, 101);
     assert_string_equal(made.nodes[1].name, "sphere_00");
     assert_string_equal(made.nodes[100].name, "sphere_99");

@@ -14,8 +14,6 @@
 
 enum { W = 256, H = 128 };
 
-static const double pi = 3.14159265358979323846;
-
 /* An image of one's own, and what it was split into. */
 typedef struct Sky {
     uint32_t width, height;

@@ -10,77 +10,28 @@
 
 #include "../src/bake/check.h"
 #include "../src/core/random.h"
-#include "../src/offline/rays.h"
-#include "chiaro/chiaro_bake.h"
-#include "common/check.h"
-#include "common/mesh.h"
+#include "common/bake.h"
 #include "common/table.h"
 
-static const double pi = 3.14159265358979323846;
-
-/* A closed room of 3 x 2 x 4 m, or a yard open to the sky, baked. */
-typedef struct Bake {
-    Mesh mesh;
-    ChiaroBlob blob;
-    ChiaroTransport transport;
-    ChiaroRays *rays;
-    float *scratch, *irradiance;
-    size_t count; /* floats of irradiance */
-} Bake;
-
-static Bake open_bake(bool closed)
+/* A closed room, or a yard open to the sky. */
+static Bake bake_place(bool closed)
 {
-    Bake bake = {.mesh = mesh_begin()};
     ChiaroBakeDesc desc = {.struct_size = sizeof desc, .samples = 512, .rays = 512, .receivers = 200, .threads = 2};
-    mesh_material(&bake.mesh, 0.7f, 0);
     if (closed) {
-        mesh_box(&bake.mesh, vec3(0, 0, 0), vec3(3, 2, 4));
-    } else {
-        mesh_quad(&bake.mesh, vec3(0, 0, 3), vec3(3, 0, 3), vec3(3, 0, 0), vec3(0, 0, 0));
-        mesh_quad(&bake.mesh, vec3(0, 0, 0), vec3(3, 0, 0), vec3(3, 2, 0), vec3(0, 2, 0));
+        Mesh room = mesh_room(0.7f, 0);
+        return open_bake(&room, &desc);
     }
-    assert_int_equal(chiaro_bake(&bake.mesh.scene, &desc, &bake.blob), CHIARO_OK);
-    assert_int_equal(chiaro_transport_open(bake.blob.data, bake.blob.size, &bake.transport, NULL), CHIARO_OK);
-    assert_int_equal(chiaro_rays_create(&bake.mesh.scene, NULL, &bake.rays), CHIARO_OK);
-    bake.count = 3 * (size_t)bake.transport.receiver_count;
-    bake.scratch = new_array(3 * ((size_t)bake.transport.node_count + bake.transport.sample_count), sizeof(float));
-    bake.irradiance = new_array(bake.count, sizeof(float));
-    return bake;
-}
-
-static void close_bake(Bake *bake)
-{
-    chiaro_rays_destroy(bake->rays);
-    chiaro_blob_free(&bake->blob);
-    mesh_end(&bake->mesh);
-    free(bake->scratch);
-    free(bake->irradiance);
-}
-
-static bool sees(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
-{
-    return chiaro_rays_light_visible(user, light, vec3_load(point), vec3_load(normal));
-}
-
-/* Numbers that are not finite, or negative. */
-static double bad_numbers(const float *values, size_t count)
-{
-    double bad = 0;
-    for (size_t i = 0; i < count; i++)
-        bad += !(isfinite(values[i]) && values[i] >= 0);
-    return bad;
-}
-
-static double light_up(Bake *bake, const ChiaroLight *lights, uint32_t count, const ChiaroSky *sky)
-{
-    chiaro_transport_update(&bake->transport, lights, count, sky, sees, bake->rays, bake->scratch, bake->irradiance);
-    return bad_numbers(bake->irradiance, bake->count);
+    Mesh yard = mesh_begin();
+    mesh_material(&yard, 0.7f, 0);
+    mesh_quad(&yard, vec3(0, 0, 3), vec3(3, 0, 3), vec3(3, 0, 0), vec3(0, 0, 0));
+    mesh_quad(&yard, vec3(0, 0, 0), vec3(3, 0, 0), vec3(3, 2, 0), vec3(0, 2, 0));
+    return open_bake(&yard, &desc);
 }
 
 static float *light_copy(Bake *bake, const ChiaroLight *lights, uint32_t count, const ChiaroSky *sky)
 {
     float *copy = new_array(bake->count, sizeof *copy);
-    assert_true(light_up(bake, lights, count, sky) == 0);
+    must_light_up(bake, lights, count, sky);
     memcpy(copy, bake->irradiance, bake->count * sizeof *copy);
     return copy;
 }
@@ -94,12 +45,6 @@ static double worst(const Bake *bake, const float *truth, double scale)
         most = fmax(most, scale * (double)truth[i]);
     }
     return most > 0 ? wrong / most : wrong;
-}
-
-static ChiaroLight lamp_at(float x, float y, float z, float intensity)
-{
-    return (ChiaroLight){.type = CHIARO_LIGHT_POINT, .position = {x, y, z},
-                         .intensity = {intensity, intensity, intensity}};
 }
 
 static void nothing_is_remembered(void **state)
@@ -189,7 +134,7 @@ static double flux_of(Bake *bake, const ChiaroLight *lamp, double *brightest)
     const ChiaroTransport *t = &bake->transport;
     double flux = 0;
     *brightest = 0;
-    chiaro_samples_light(t, lamp, 1, sees, bake->rays, bake->scratch);
+    chiaro_samples_light(t, lamp, 1, chiaro_rays_visible, bake->rays, bake->scratch);
     for (uint32_t s = 0; s < t->sample_count; s++) {
         double irradiance = (double)bake->scratch[3 * s] / (double)t->samples[s].albedo[0], bound = 0;
         for (uint32_t p = 0; p < t->samples[s].point_count; p++) {
@@ -415,7 +360,7 @@ static void a_bake_keeps_the_laws_of_light(void **state)
 static int open_bakes(void **state)
 {
     Bake *bakes = new_array(2, sizeof *bakes);
-    bakes[0] = open_bake(true), bakes[1] = open_bake(false);
+    bakes[0] = bake_place(true), bakes[1] = bake_place(false);
     *state = bakes;
     return 0;
 }

@@ -15,7 +15,6 @@
 #include "common/table.h"
 
 enum { FRAMES = 120, MOST_ROUNDS = 400 };
-static const double pi = 3.14159265358979323846;
 static const float even_rgb[3] = {1, 1, 1};
 static const ChiaroSky even_sky = {1, 1, even_rgb};
 

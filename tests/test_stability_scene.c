@@ -7,65 +7,24 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "../src/offline/rays.h"
-#include "chiaro/chiaro_bake.h"
-#include "common/check.h"
-#include "common/mesh.h"
+#include "common/bake.h"
 #include "common/table.h"
 
-
-/* A scene, its bake, and its light. */
-typedef struct Bake {
-    Mesh mesh;
-    ChiaroBlob blob;
-    ChiaroTransport transport;
-    float *irradiance;
-    uint32_t far; /* times that the log said it */
-} Bake;
-
-static bool sees(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
-{
-    return chiaro_rays_light_visible(user, light, vec3_load(point), vec3_load(normal));
-}
-
+/* Counts how often the log says that a place is far away. */
 static void hear(ChiaroLogLevel level, ChiaroLogItem item, const char *message, void *user)
 {
     (void)level;
     *(uint32_t *)user += item == CHIARO_LOG_BAKE_LIMIT && strstr(message, "from the origin");
 }
 
-/* Bakes a mesh, which it takes over, and lights it. */
-static Bake open_bake(const Mesh *mesh, uint32_t seed, const ChiaroLight *lights, uint32_t count, const ChiaroSky *sky)
+/* Bakes a mesh, which it takes over, and lights it. `far` counts what the log says of that. */
+static Bake open_lit(const Mesh *mesh, uint32_t seed, const ChiaroLight *lights, uint32_t count, uint32_t *far)
 {
-    Bake bake = {.mesh = *mesh};
     ChiaroBakeDesc desc = {.struct_size = sizeof desc, .samples = 256, .rays = 512, .receivers = 120, .links = 64,
-                           .threads = 2, .seed = seed, .log = {hear, &bake.far}};
-    ChiaroRays *rays;
-    assert_int_equal(chiaro_bake(&bake.mesh.scene, &desc, &bake.blob), CHIARO_OK);
-    assert_int_equal(chiaro_transport_open(bake.blob.data, bake.blob.size, &bake.transport, NULL), CHIARO_OK);
-    assert_int_equal(chiaro_rays_create(&bake.mesh.scene, NULL, &rays), CHIARO_OK);
-    const ChiaroTransport *t = &bake.transport;
-    float *scratch = new_array(3 * ((size_t)t->node_count + t->sample_count), sizeof(float));
-    bake.irradiance = new_array(3 * (size_t)t->receiver_count, sizeof(float));
-    chiaro_transport_update(t, lights, count, sky, sees, rays, scratch, bake.irradiance);
-    chiaro_rays_destroy(rays);
-    free(scratch);
+                           .threads = 2, .seed = seed, .log = {hear, far}};
+    Bake bake = open_bake(mesh, &desc);
+    light_up(&bake, lights, count, NULL);
     return bake;
-}
-
-static void close_bake(Bake *bake)
-{
-    chiaro_blob_free(&bake->blob);
-    mesh_end(&bake->mesh);
-    free(bake->irradiance);
-}
-
-static double bad_numbers(const Bake *bake)
-{
-    double bad = 0;
-    for (size_t i = 0; i < 3 * (size_t)bake->transport.receiver_count; i++)
-        bad += !(isfinite(bake->irradiance[i]) && bake->irradiance[i] >= 0);
-    return bad;
 }
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -73,7 +32,7 @@ static double bad_numbers(const Bake *bake)
  */
 
 /* A room with a shelf and a lamp, its intensity scaled with the room's surface. All corners are on steps of 1/16. */
-static Bake room_at(float scale, float offset, uint32_t seed)
+static Bake room_at(float scale, float offset, uint32_t seed, uint32_t *far)
 {
     Vec3 o = vec3(offset, offset, offset);
     Mesh mesh = mesh_begin();
@@ -87,7 +46,7 @@ static Bake room_at(float scale, float offset, uint32_t seed)
     vec3_store(lamp.position, vec3_add(o, vec3(1.25f * scale, 1.25f * scale, 3 * scale)));
     for (int c = 0; c < 3; c++)
         lamp.intensity[c] = scale * scale;
-    return open_bake(&mesh, seed, &lamp, 1, NULL);
+    return open_lit(&mesh, seed, &lamp, 1, far);
 }
 
 /* rms difference of receivers in the same place, within a millimetre or the half step that a float is off along an axis. */
@@ -127,11 +86,13 @@ static void size_and_place_do_not_matter(void **state)
                  {"moved by 1e3 m", 1, 1e3f, 1e-3, 0},        {"moved by 1e5 m", 1, 1e5f, 1e-3, 1},
                  {"moved by 1e6 m", 1, 1e6f, -1, 1}};
     Table table = table_begin("scenes: size and place");
-    Bake unit = room_at(1, 0, 1), other = room_at(1, 0, 2);
+    uint32_t far = 0;
+    Bake unit = room_at(1, 0, 1, &far), other = room_at(1, 0, 2, &far);
     double seeds = difference(&other, 1, 0, &unit);
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         char name[96];
-        Bake bake = room_at(cases[k].scale, cases[k].offset, 1);
+        far = 0;
+        Bake bake = room_at(cases[k].scale, cases[k].offset, 1, &far);
         snprintf(name, sizeof name, "%s: light at the receivers", cases[k].name);
         if (cases[k].allowed >= 0)
             table_most(&table, name, difference(&bake, cases[k].scale, cases[k].offset, &unit),
@@ -139,7 +100,7 @@ static void size_and_place_do_not_matter(void **state)
         snprintf(name, sizeof name, "%s: numbers out of range", cases[k].name);
         table_near(&table, name, 0, bad_numbers(&bake), 0);
         snprintf(name, sizeof name, "%s: the log says that positions are coarse", cases[k].name);
-        table_near(&table, name, cases[k].told, bake.far, 0);
+        table_near(&table, name, cases[k].told, far, 0);
         close_bake(&bake);
     }
     close_bake(&unit);
@@ -152,19 +113,14 @@ static void size_and_place_do_not_matter(void **state)
  */
 
 /* A room of albedo 0.5 that shines 1: irradiance is 2 pi everywhere, whatever shape is closed and shines like it. */
-static Mesh furnace(void)
-{
-    Mesh mesh = mesh_begin();
-    mesh_material(&mesh, 0.5f, 1);
-    mesh_box(&mesh, vec3(0, 0, 0), vec3(3, 2, 4));
-    return mesh;
-}
+static Mesh furnace(void) { return mesh_room(0.5f, 1); }
 
 /* The worst receiver on the box itself, whose walls see each other. */
 static void check_furnace(Table *table, const char *name, const Mesh *mesh, double truth, double allowed)
 {
     char text[96];
-    Bake bake = open_bake(mesh, 1, NULL, 0, NULL);
+    uint32_t far = 0;
+    Bake bake = open_lit(mesh, 1, NULL, 0, &far);
     double worst = truth;
     for (uint32_t r = 0; r < bake.transport.receiver_count; r++) {
         double e = (double)bake.irradiance[3 * r];
@@ -182,7 +138,7 @@ static void check_furnace(Table *table, const char *name, const Mesh *mesh, doub
 static void triangles_that_should_not_be(void **state)
 {
     (void)state;
-    const double truth = 2 * 3.14159265358979;
+    const double truth = 2 * pi;
     Table table = table_begin("scenes: triangles that should not be, in a furnace of 2 pi");
     Mesh mesh = furnace();
     for (uint32_t k = 0; k < 200; k++) { /* on the floor, a micrometre wide and 3 m long */
@@ -285,14 +241,14 @@ static void an_object_of_a_million_triangles(void **state)
     assert_int_equal(chiaro_object_add(world, &object, matrix, &id), CHIARO_OK);
     while (chiaro_world_update(world, 10, NULL) > 0) {
     }
-    double worst = 3.14159265358979;
+    double worst = pi;
     for (uint32_t v = 0; v < CORNERS; v += 997) {
         float light[3];
         assert_int_equal(chiaro_object_irradiance(world, id, v, light), CHIARO_OK);
-        worst = fabs((double)light[0] - 3.14159265358979) > fabs(worst - 3.14159265358979) ? (double)light[0] : worst;
+        worst = fabs((double)light[0] - pi) > fabs(worst - pi) ? (double)light[0] : worst;
     }
     table_near(&table, "vertices that come out", CORNERS, object.vertex_count, 0);
-    table_near(&table, "worst vertex", 3.14159265358979, worst, 0.01);
+    table_near(&table, "worst vertex", pi, worst, 0.01);
     chiaro_world_destroy(world);
     chiaro_blob_free(&blob);
     free(vertices);

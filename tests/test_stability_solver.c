@@ -171,13 +171,7 @@ static Mesh two_rooms(double opening)
     return mesh;
 }
 
-static Mesh one_room(void)
-{
-    Mesh mesh = mesh_begin();
-    mesh_material(&mesh, 0.5f, 0);
-    mesh_box(&mesh, vec3(0, 0, 0), vec3(3, 2, 4));
-    return mesh;
-}
+static Mesh one_room(void) { return mesh_room(0.5f, 0); }
 
 static void closed_rooms_converge_at_every_albedo(void **state)
 {

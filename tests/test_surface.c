@@ -34,6 +34,17 @@ static Mesh small_mesh(void)
     return mesh;
 }
 
+/* With its other side, of another material. */
+static Mesh two_sided_mesh(void)
+{
+    Mesh mesh = small_mesh();
+    mesh_material(&mesh, 0.2f, 0);
+    mesh_triangle(&mesh, vec3(1, 1, 0), vec3(1, 0, 0), vec3(0, 0, 0));
+    mesh_triangle(&mesh, vec3(0, 1, 0), vec3(1, 1, 0), vec3(0, 0, 0));
+    mesh.parts[0].twin = 1, mesh.parts[1].twin = 0;
+    return mesh;
+}
+
 /* Changes one number, expects one message, and puts it back. */
 #define REFUSES(lvalue, bad)                                                                                           \
     do {                                                                                                               \
@@ -92,11 +103,7 @@ static void textures_that_reach_beyond_the_pixels_are_refused(void **state)
 static void a_twin_must_be_the_other_side(void **state)
 {
     (void)state;
-    Mesh mesh = small_mesh();
-    mesh_material(&mesh, 0.2f, 0);
-    mesh_triangle(&mesh, vec3(1, 1, 0), vec3(1, 0, 0), vec3(0, 0, 0));
-    mesh_triangle(&mesh, vec3(0, 1, 0), vec3(1, 1, 0), vec3(0, 0, 0));
-    mesh.parts[0].twin = 1, mesh.parts[1].twin = 0;
+    Mesh mesh = two_sided_mesh();
     assert_int_equal(chiaro_scene_check(&mesh.scene, NULL), CHIARO_OK);
     REFUSES(mesh.vertices[6].position[0], 0.5f);
     REFUSES(mesh.parts[1].twin, CHIARO_NONE);
@@ -281,11 +288,7 @@ static ChiaroRays *make_rays(const Mesh *mesh)
 static void a_ray_meets_the_side_that_faces_it(void **state)
 {
     (void)state;
-    Mesh mesh = small_mesh();
-    mesh_material(&mesh, 0.2f, 0);
-    mesh_triangle(&mesh, vec3(1, 1, 0), vec3(1, 0, 0), vec3(0, 0, 0));
-    mesh_triangle(&mesh, vec3(0, 1, 0), vec3(1, 1, 0), vec3(0, 0, 0));
-    mesh.parts[0].twin = 1, mesh.parts[1].twin = 0;
+    Mesh mesh = two_sided_mesh();
     ChiaroRays *rays = make_rays(&mesh);
     for (int side = -1; side <= 1; side += 2) {
         for (int i = 0; i < 100; i++) {

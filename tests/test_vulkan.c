@@ -655,7 +655,7 @@ static bool run_with_failure(Stage *stage, const ChiaroScene *scene, uint32_t fa
     float white[3] = {1, 1, 1};
     ChiaroSky sky = {1, 1, white};
     ChiaroResult results[4] = {0};
-    desc.allocator = (ChiaroAllocator){count_alloc, count_free, &counter};
+    desc.allocator = counting(&counter);
     stage->chiaro = NULL;
     if (stage->api->create(&desc, &stage->chiaro) != CHIARO_OK) {
         assert_int_equal(counter.alive, 0);

@@ -6,8 +6,8 @@
 
 #include <cmocka.h>
 #include <math.h>
-#include <time.h>
 
+#include "common/clock.h"
 #include "common/moving.h"
 #include "common/stage.h"
 #include "spirv/tests/unshadowed.comp.h"
@@ -17,14 +17,6 @@ enum { OBJECTS = 1000, FRAMES = 600 };
 #else
 enum { OBJECTS = 1000, FRAMES = 40 }; /* time is nobody's where it is not optimised */
 #endif
-
-static uint64_t thread_time(void *user)
-{
-    struct timespec now;
-    (void)user;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return 1000000000u * (uint64_t)now.tv_sec + (uint64_t)now.tv_nsec;
-}
 
 typedef struct Crowd {
     Stage stage;
@@ -111,12 +103,6 @@ static uint64_t run(Crowd *crowd, uint32_t budget)
     return time;
 }
 
-static int compare_times(const void *a, const void *b)
-{
-    const uint64_t *x = a, *y = b;
-    return *x < *y ? -1 : *x > *y;
-}
-
 /* What updates take is told, and not judged: that is this machine's matter. */
 static void play(Crowd *crowd, uint32_t budget)
 {
@@ -132,10 +118,9 @@ static void play(Crowd *crowd, uint32_t budget)
     ChiaroKernelStats stats = {.struct_size = sizeof stats};
     assert_int_equal(chiaro_kernel_stats(chiaro_world_kernel(crowd->world), &stats), CHIARO_OK);
     assert_true(stats.age <= stats.bound);
-    qsort(times, FRAMES, sizeof *times, compare_times);
+    TimeSpread spread = spread_of_times(times, FRAMES);
     printf("  %4u us: median %.0f, p99 %.0f, most %.0f us; oldest item %u frames, stated %u\n", budget,
-           (double)times[FRAMES / 2] / 1000, (double)times[FRAMES * 99 / 100] / 1000, (double)times[FRAMES - 1] / 1000,
-           stats.age, stats.bound);
+           spread.median, spread.p99, spread.most, stats.age, stats.bound);
 }
 
 static void an_update_with_a_thousand_objects_keeps_the_bound_on_age(void **state)

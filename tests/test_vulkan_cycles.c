@@ -9,39 +9,10 @@
 #include "common/stage.h"
 #include "spirv/tests/unshadowed.comp.h"
 
-/* An allocator that knows how many bytes are out. */
-typedef struct Purse {
-    size_t bytes, made, fail_at;
-} Purse;
-
-static void *purse_alloc(size_t size, void *user)
-{
-    Purse *purse = user;
-    if (++purse->made == purse->fail_at)
-        return NULL;
-    max_align_t *memory = malloc(size + sizeof *memory);
-    assert_non_null(memory);
-    memcpy(memory, &size, sizeof size);
-    purse->bytes += size;
-    return memory + 1;
-}
-
-static void purse_free(void *memory, void *user)
-{
-    Purse *purse = user;
-    size_t size;
-    if (!memory)
-        return;
-    max_align_t *begin = (max_align_t *)memory - 1;
-    memcpy(&size, begin, sizeof size);
-    purse->bytes -= size;
-    free(begin);
-}
-
-static ChiaroVulkanDesc describe_with(const Stage *stage, Purse *purse, bool light_only)
+static ChiaroVulkanDesc describe_with(const Stage *stage, Counter *counter, bool light_only)
 {
     ChiaroVulkanDesc desc = host_chiaro_desc(&stage->host);
-    desc.allocator = (ChiaroAllocator){purse_alloc, purse_free, purse};
+    desc.allocator = counting(counter);
     if (light_only) {
         desc.light_only = desc.sliced = 1;
         desc.sample_code = unshadowed_comp_code;
@@ -61,14 +32,14 @@ static Stage open_quiet_stage(void)
 static bool live(Stage *stage, const ChiaroVulkanDesc *desc, const ChiaroTransport *transport, uint32_t frames)
 {
     const ChiaroLight light = point_light(vec3(0.3f, 1, 0.2f), 2);
-    const Purse *purse = desc->allocator.user;
+    const Counter *counter = desc->allocator.user;
     ChiaroVulkan *context = NULL;
     if (stage->api->create(desc, &context) != CHIARO_OK) {
         assert_null(context);
         return false;
     }
     bool good = true;
-    size_t warm = 0;
+    uint32_t warm = 0;
     for (uint32_t frame = 0; frame < frames; frame++) {
         must(stage, host_begin(&stage->host));
         if (frame == 0) {
@@ -78,7 +49,7 @@ static bool live(Stage *stage, const ChiaroVulkanDesc *desc, const ChiaroTranspo
                                      .frame = stage->host.frame};
             good = stage->api->scene_load(context, &load) == CHIARO_OK;
             good = stage->api->lights_set(context, &light, 1) == CHIARO_OK && good;
-            warm = purse->made;
+            warm = counter->made;
         }
         ChiaroVulkanUpdate update = {.struct_size = sizeof update,
                                      .command_buffer = stage->host.commands,
@@ -87,10 +58,10 @@ static bool live(Stage *stage, const ChiaroVulkanDesc *desc, const ChiaroTranspo
                                      .gpu_units = desc->sliced ? 20 : 0};
         assert_int_equal(stage->api->update(context, &update), CHIARO_OK);
         must(stage, host_submit(&stage->host));
-        assert_int_equal(purse->made, warm);
+        assert_int_equal(counter->made, warm);
     }
     stage->api->destroy(context);
-    assert_int_equal(purse->bytes, 0);
+    assert_int_equal(counter->bytes, 0);
     return good;
 }
 
@@ -98,14 +69,14 @@ static void ten_thousand_contexts_leave_nothing(void **state)
 {
     (void)state;
     Stage stage = open_quiet_stage();
-    Purse purse = {0};
-    ChiaroVulkanDesc desc = describe_with(&stage, &purse, false);
-    size_t each = 0;
+    Counter counter = {0};
+    ChiaroVulkanDesc desc = describe_with(&stage, &counter, false);
+    uint32_t each = 0;
     for (uint32_t cycle = 0; cycle < 10000; cycle++) {
-        size_t before = purse.made;
+        uint32_t before = counter.made;
         assert_true(live(&stage, &desc, NULL, 0));
-        assert_true(cycle == 0 || purse.made - before == each);
-        each = purse.made - before;
+        assert_true(cycle == 0 || counter.made - before == each);
+        each = counter.made - before;
     }
     assert_true(each > 0);
     host_destroy(&stage.host);
@@ -119,15 +90,15 @@ static void a_hundred_with_scenes_leave_nothing(void **state)
     Stage stage = open_quiet_stage();
     Mesh mesh = open_room();
     ChiaroTransport transport = made_transport(&mesh.scene, &made);
-    Purse purse = {0};
-    size_t each = 0;
+    Counter counter = {0};
+    uint32_t each = 0;
     for (uint32_t cycle = 0; cycle < 100; cycle++) {
-        ChiaroVulkanDesc desc = describe_with(&stage, &purse, cycle % 2);
-        size_t before = purse.made;
+        ChiaroVulkanDesc desc = describe_with(&stage, &counter, cycle % 2);
+        uint32_t before = counter.made;
         assert_true(live(&stage, &desc, &transport, 3));
         if (cycle >= 2 && cycle % 2)
-            assert_int_equal(purse.made - before, each);
-        each = cycle % 2 ? purse.made - before : each;
+            assert_int_equal(counter.made - before, each);
+        each = cycle % 2 ? counter.made - before : each;
     }
     host_destroy(&stage.host);
     made_transport_free(&transport);
@@ -141,16 +112,16 @@ static void every_allocation_of_a_host_that_draws_may_fail(void **state)
     Stage stage = open_quiet_stage();
     Mesh mesh = open_room();
     ChiaroTransport transport = made_transport(&mesh.scene, &made);
-    size_t n = 1;
+    uint32_t n = 1;
     for (;; n++) {
-        Purse purse = {.fail_at = n};
-        ChiaroVulkanDesc desc = describe_with(&stage, &purse, true);
+        Counter counter = {.fail_at = n};
+        ChiaroVulkanDesc desc = describe_with(&stage, &counter, true);
         bool good = live(&stage, &desc, &transport, 2);
-        assert_int_equal(purse.bytes, 0);
+        assert_int_equal(counter.bytes, 0);
         if (good)
             break;
     }
-    printf("  %zu allocations, each of which failed once\n", n - 1);
+    printf("  %u allocations, each of which failed once\n", n - 1);
     assert_true(n > 10);
     host_destroy(&stage.host);
     made_transport_free(&transport);

@@ -6,19 +6,11 @@
 
 #include <cmocka.h>
 #include <math.h>
-#include <time.h>
 
+#include "common/clock.h"
 #include "common/stage.h"
 
 static const MadeTransportDesc made = {.mesh_steps = 24, .sample_steps = 24, .points = 3, .links = 24, .sky = true};
-
-static uint64_t monotonic(void *user)
-{
-    struct timespec now;
-    (void)user;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return 1000000000u * (uint64_t)now.tv_sec + (uint64_t)now.tv_nsec;
-}
 
 /* A stage with a room, and a buffer for its irradiance. */
 typedef struct Room {
@@ -33,7 +25,7 @@ static Room open_sliced_room(bool sliced)
     Room room = {.stage = open_stage((HostDesc){0}), .mesh = open_room()};
     ChiaroVulkanDesc desc = host_chiaro_desc(&room.stage.host);
     desc.sliced = sliced;
-    desc.clock.now = monotonic;
+    desc.clock.now = world_time;
     create_context_as(&room.stage, desc);
     load(&room.stage, &room.mesh.scene, &made);
     room.receivers = room.stage.transport.receiver_count;

@@ -9,45 +9,17 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "../src/core/random.h"
 #include "../src/core/vec.h"
+#include "common/clock.h"
+#include "common/counter.h"
 #include "common/mesh.h"
 #include "common/moving.h"
 
 static const float sky_rows[3 * 4] = {0.3f, 0.5f, 1, 0.8f, 0.8f, 0.9f, 0.4f, 0.35f, 0.3f, 0.2f, 0.2f, 0.2f};
 static const ChiaroSky sky = {1, 4, sky_rows};
 static const ChiaroBudget all = {0};
-
-/* Time of this thread alone: what others do on the machine is not the budget's. */
-static uint64_t thread_time(void *user)
-{
-    struct timespec now;
-    (void)user;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return 1000000000u * (uint64_t)now.tv_sec + (uint64_t)now.tv_nsec;
-}
-
-typedef struct Counter {
-    uint32_t made, alive, fail_at;
-} Counter;
-
-static void *count_alloc(size_t size, void *user)
-{
-    Counter *counter = user;
-    if (++counter->made == counter->fail_at)
-        return NULL;
-    counter->alive++;
-    return malloc(size);
-}
-
-static void count_free(void *memory, void *user)
-{
-    Counter *counter = user;
-    counter->alive -= memory != NULL;
-    free(memory);
-}
 
 /* Balls in a room; they move a little in each frame. */
 typedef struct Flock {
@@ -226,12 +198,6 @@ static void no_cube_is_older_than_the_stated_bound(void **state)
     }
 }
 
-static int compare_times(const void *a, const void *b)
-{
-    const uint64_t *x = a, *y = b;
-    return *x < *y ? -1 : *x > *y;
-}
-
 /* 600 frames in which everything moves. What updates take is told, and not judged: that is this machine's matter. */
 static void play_flock(const Lit *lit, uint32_t budget)
 {
@@ -263,12 +229,11 @@ static void play_flock(const Lit *lit, uint32_t budget)
         ChiaroKernelStats stats = stats_of(flock.world);
         assert_true(stats.bound == 0 || (stats.age <= stats.bound && stats.oldest <= stats.bound));
     }
-    qsort(times, FRAMES, sizeof *times, compare_times);
+    TimeSpread spread = spread_of_times(times, FRAMES);
     ChiaroKernelStats stats = stats_of(flock.world);
     printf("  %s, %4u us: median %.0f, p99 %.0f, most %.0f us; %.1f cubes a frame; oldest item %u frames, stated %u\n",
-           lit ? "in a room" : "in the open", budget, (double)times[FRAMES / 2] / 1000,
-           (double)times[FRAMES * 99 / 100] / 1000, (double)times[FRAMES - 1] / 1000, (double)painted / FRAMES, stats.age,
-           stats.bound);
+           lit ? "in a room" : "in the open", budget, spread.median, spread.p99, spread.most, (double)painted / FRAMES,
+           stats.age, stats.bound);
     assert_true(painted > 0);
     scatter(&flock);
 }
@@ -386,7 +351,7 @@ static bool run_with_failure(const Lit *lit, const Moving *ball, uint32_t fail_a
 {
     Counter counter = {.fail_at = fail_at};
     ChiaroWorldDesc desc = {.struct_size = sizeof desc, .object_capacity = 4, .transport = &lit->transport,
-                            .allocator = {count_alloc, count_free, &counter}};
+                            .allocator = counting(&counter)};
     ChiaroWorld *world = NULL;
     ChiaroResult result = chiaro_world_create(&desc, &world);
     if (result != CHIARO_OK) {

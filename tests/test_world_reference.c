@@ -1,5 +1,4 @@
 /* The world of objects against the path tracer: many balls on a plane, and a ball and a box carried through a room. */
-#include "../samples/common/scenes.h"
 #include "../src/core/random.h"
 #include "../src/core/vec.h"
 #include "../src/offline/rays.h"
@@ -15,11 +14,7 @@
 #include <cmocka.h>
 
 #include "common/check.h"
-
-static bool seen(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
-{
-    return chiaro_rays_light_visible(user, light, vec3_load(point), vec3_load(normal));
-}
+#include "common/made_scene.h"
 
 /* Sums of a comparison. */
 typedef struct Sums {
@@ -53,19 +48,16 @@ enum { BALLS = 100, COLOURS = 9, PROBES = 300, PATHS = 512 };
 static void balls_on_a_plane_under_a_sky_and_a_sun(void **state)
 {
     (void)state;
-    TestScene made;
-    SceneRequest request = {0};
-    const char *fault;
+    TestScene made = make_scene("spheres", (SceneRequest){0});
     float pixels[3 * 64 * 32], origin[3] = {0, 0, 0}, nothing[3] = {1, 1, 1};
     ChiaroSky sky = gradient_sky(pixels, 64, 32);
     ChiaroLight sun = {.type = CHIARO_LIGHT_SUN, .intensity = {3, 2.8f, 2.5f}};
     vec3_store(sun.direction, vec3_normalize(vec3(-0.4f, -0.8f, -0.45f)));
-    assert_true(scenes_make("spheres", &request, &made, &fault));
     ChiaroRays *rays;
     assert_int_equal(chiaro_rays_create(&made.scene, NULL, &rays), CHIARO_OK);
     ChiaroScene plane = piece_make(&made.scene, made.nodes[0].first_part, made.nodes[0].part_count, origin);
     Lit lit = lit_make(&plane, &sky, 1024);
-    lit_light(&lit, &sun, 1, seen, rays);
+    lit_light(&lit, &sun, 1, chiaro_rays_visible, rays);
     ChiaroWorldDesc desc = {.struct_size = sizeof desc, .object_capacity = BALLS, .transport = &lit.transport};
     ChiaroWorld *world;
     assert_int_equal(chiaro_world_create(&desc, &world), CHIARO_OK);
@@ -166,7 +158,7 @@ static double error_at(const ChiaroScene *room, Lit *lit, const Moving *moving, 
     ChiaroReference *reference;
     assert_int_equal(chiaro_rays_create(&both, NULL, &rays), CHIARO_OK);
     assert_int_equal(chiaro_reference_create(&both, room->lights, room->light_count, NULL, NULL, &reference), CHIARO_OK);
-    lit_light(lit, room->lights, room->light_count, seen, rays);
+    lit_light(lit, room->lights, room->light_count, chiaro_rays_visible, rays);
     ChiaroWorldDesc desc = {.struct_size = sizeof desc, .object_capacity = 1, .cube_capacity = CHIARO_MAX_OBJECT_PARTS,
                             .transport = &lit->transport};
     ChiaroWorld *world;
@@ -205,11 +197,8 @@ static void carry(const Moving *moving, const char *what)
     static const float places[PLACES][3] = {{1.0f, 0.6f, 4.6f}, {1.2f, 1.6f, 4.2f}, {2.8f, 4.0f, 2.0f},
                                             {4.6f, 1.0f, 1.2f}, {1.9f, 2.4f, 1.6f}, {0.8f, 3.5f, 2.6f},
                                             {4.4f, 4.4f, 4.6f}, {2.8f, 3.0f, 0.8f}};
-    TestScene room;
-    SceneRequest request = {0};
-    const char *fault;
+    TestScene room = make_scene("cornell", (SceneRequest){0});
     double errors[PLACES];
-    assert_true(scenes_make("cornell", &request, &room, &fault));
     Lit lit = lit_make(&room.scene, NULL, 2048);
     for (int k = 0; k < PLACES; k++) {
         float c = cosf(0.7f * (float)k), s = sinf(0.7f * (float)k);

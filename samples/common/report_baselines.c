@@ -224,11 +224,6 @@ static uint32_t choose_samples(const ChiaroTransport *t, const ChiaroRays *rays,
     return taken;
 }
 
-static bool sees(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
-{
-    return chiaro_rays_light_visible(user, light, vec3_load(point), vec3_load(normal));
-}
-
 static void run_literally(Report *report, ReportScene *scene, const ChiaroTransport *t, const ChiaroRays *rays,
                           float *irradiance)
 {
@@ -239,7 +234,7 @@ static void run_literally(Report *report, ReportScene *scene, const ChiaroTransp
     float *direct = report_alloc(report, 3 * (size_t)t->sample_count, sizeof *direct);
     for (uint32_t r = 0; r < t->receiver_count; r++)
         counts[r] = choose_samples(t, rays, &t->receivers[r], all, chosen + (size_t)r * MOST_K);
-    chiaro_samples_light(t, scene->lights, scene->light_count, sees, (void *)(uintptr_t)rays, direct);
+    chiaro_samples_light(t, scene->lights, scene->light_count, chiaro_rays_visible, (void *)(uintptr_t)rays, direct);
     for (uint32_t k = 0; k < LITERAL_KS; k++) {
         char name[REPORT_TEXT];
         double best = INFINITY;

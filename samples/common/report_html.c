@@ -303,6 +303,30 @@ static void put_number(FILE *file, const char *format, double value)
     fputs("</td>", file);
 }
 
+/* A row of a table: it begins with the settings, and has times and errors. */
+static void begin_row(FILE *file, const ReportPoint *p)
+{
+    fprintf(file, "<tr class=\"%s%s%s\"><td>", p->chosen ? "chosen " : "", p->front ? "front " : "",
+            p->baseline ? "baseline" : "");
+    put_text(file, p->name);
+    fputs("</td>", file);
+}
+
+static void put_times(FILE *file, const ReportPoint *p)
+{
+    put_number(file, "2", p->frame.median);
+    put_number(file, "2", p->frame.p95);
+    put_number(file, "2", p->update.median);
+    put_number(file, "2", p->update.p95);
+}
+
+static void put_errors(FILE *file, const ReportPoint *p)
+{
+    put_number(file, "4", p->indirect.relrmse);
+    put_number(file, "4", p->indirect.mean_ratio);
+    put_number(file, "4", p->indirect.p99);
+}
+
 static void put_table(FILE *file, const ReportScene *scene)
 {
     fputs("<table><tr><th>settings</th><th>K</th><th>samples</th><th>receivers</th><th>bake, s</th><th>KiB</th>"
@@ -311,26 +335,18 @@ static void put_table(FILE *file, const ReportScene *scene)
           "<th>full relRMSE</th><th>mean ratio</th></tr>\n", file);
     for (uint32_t i = 0; i < scene->point_count; i++) {
         const ReportPoint *p = &scene->points[i];
-        fprintf(file, "<tr class=\"%s%s%s\"><td>", p->chosen ? "chosen " : "", p->front ? "front " : "",
-                p->baseline ? "baseline" : "");
-        put_text(file, p->name);
-        fputs("</td>", file);
+        begin_row(file, p);
         put_number(file, "0", p->links ? (double)p->links : (double)NAN);
         put_number(file, "0", p->samples ? (double)p->samples : (double)NAN);
         put_number(file, "0", p->receivers);
         put_number(file, "1", p->bake_s > 0 ? p->bake_s : (double)NAN);
         put_number(file, "0", p->bytes / 1024);
-        put_number(file, "2", p->frame.median);
-        put_number(file, "2", p->frame.p95);
-        put_number(file, "2", p->update.median);
-        put_number(file, "2", p->update.p95);
+        put_times(file, p);
         put_number(file, "2", p->cpu_ms[0]);
         put_number(file, "2", p->cpu_ms[1] + p->cpu_ms[3]);
         put_number(file, "2", p->cpu_ms[2]);
         put_number(file, "2", p->cpu_ms[4]);
-        put_number(file, "4", p->indirect.relrmse);
-        put_number(file, "4", p->indirect.mean_ratio);
-        put_number(file, "4", p->indirect.p99);
+        put_errors(file, p);
         put_number(file, "4", p->full.relrmse);
         put_number(file, "4", p->full.mean_ratio);
         fputs("</tr>\n", file);
@@ -348,17 +364,10 @@ static void put_object_table(FILE *file, const ReportScene *scene)
             constant->indirect.relrmse / scene->objects[0].indirect.relrmse);
     for (uint32_t i = 0; i < scene->object_count; i++) {
         const ReportPoint *p = &scene->objects[i];
-        fprintf(file, "<tr class=\"%s%s\"><td>", p->chosen ? "chosen " : "", p->baseline ? "baseline" : "");
-        put_text(file, p->name);
-        fputs("</td>", file);
-        put_number(file, "2", p->frame.median);
-        put_number(file, "2", p->frame.p95);
-        put_number(file, "2", p->update.median);
-        put_number(file, "2", p->update.p95);
+        begin_row(file, p);
+        put_times(file, p);
         put_number(file, "0", p->bytes / 1024);
-        put_number(file, "4", p->indirect.relrmse);
-        put_number(file, "4", p->indirect.mean_ratio);
-        put_number(file, "4", p->indirect.p99);
+        put_errors(file, p);
         fputs("</tr>\n", file);
     }
     fputs("</table>\n", file);

@@ -226,11 +226,6 @@ static ChiaroIoImage show(Bench *bench, Lane *lane, const ChiaroLight *lights, C
     return report_pixels(&bench->device);
 }
 
-static bool sees(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
-{
-    return chiaro_rays_light_visible(user, light, vec3_load(point), vec3_load(normal));
-}
-
 /* The update on one core, task by task; irradiance of the receivers comes out. Shadow rays are not in the time: the device
  * has maps for them. */
 static float *update_on_core(Bench *bench, const ChiaroTransport *t, const ChiaroLight *lights, double ms[REPORT_TASKS])
@@ -259,8 +254,8 @@ static float *update_on_core(Bench *bench, const ChiaroTransport *t, const Chiar
             ms[k] = fmin(ms[k], 1e3 * (time[k + 1] - time[k]));
     }
     const ChiaroSky *sky = report->sky.radiance ? &report->sky : NULL;
-    chiaro_transport_update(t, lights, bench->scene->light_count, sky, sees, (void *)(uintptr_t)bench->rays, scratch,
-                            irradiance);
+    chiaro_transport_update(t, lights, bench->scene->light_count, sky, chiaro_rays_visible,
+                            (void *)(uintptr_t)bench->rays, scratch, irradiance);
     free(scratch);
     return irradiance;
 }

@@ -246,3 +246,8 @@ bool chiaro_rays_light_visible(const ChiaroRays *rays, const ChiaroLight *light,
     }
     return vec3_dot(toward, normal) > 0 && !chiaro_rays_blocked(rays, origin, toward, 0, tmax);
 }
+
+bool chiaro_rays_visible(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
+{
+    return chiaro_rays_light_visible(user, light, vec3_load(point), vec3_load(normal));
+}

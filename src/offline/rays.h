@@ -33,5 +33,7 @@ float chiaro_rays_epsilon(const ChiaroRays *rays);
 
 /* True if a point that lies on a surface with this normal sees the light, by one shadow ray. */
 bool chiaro_rays_light_visible(const ChiaroRays *rays, const ChiaroLight *light, Vec3 point, Vec3 normal);
+/* The same as a ChiaroVisibleFunc, whose `user` is the rays. */
+bool chiaro_rays_visible(const ChiaroLight *light, const float point[3], const float normal[3], void *user);
 
 #endif

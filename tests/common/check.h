@@ -5,6 +5,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+static const double pi = 3.14159265358979323846;
+
 /* NaN is near nothing. `what` and `number` name the case. */
 static inline void assert_near(const char *what, double number, double value, double truth, double tolerance)
 {

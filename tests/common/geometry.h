@@ -2,12 +2,16 @@
 #ifndef CHIARO_TEST_GEOMETRY_H
 #define CHIARO_TEST_GEOMETRY_H
 
+#include "../../src/core/random.h"
 #include "../../src/core/vec.h"
-#include "chiaro/chiaro.h"
+#include "mesh.h"
 
-static inline Vec3 corner(const ChiaroScene *scene, uint32_t index)
+/* Evenly over the sphere. */
+static inline Vec3 random_direction(ChiaroRandom *random)
 {
-    return vec3_load(scene->vertices[scene->indices[index]].position);
+    float y = 2 * chiaro_random_float(random) - 1, r = sqrtf(1 - y * y);
+    float phi = 2 * CHIARO_PI * chiaro_random_float(random);
+    return vec3(r * cosf(phi), y, r * sinf(phi));
 }
 
 static inline Vec3 face_normal(const ChiaroScene *scene, uint32_t first)

@@ -1,12 +1,13 @@
 /* A transport made by hand. */
 #include "made_transport.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 
 #include "../../src/core/cube.h"
 #include "../../src/core/random.h"
 #include "chiaro_shared.h"
+#include "insist.h"
+#include "mesh.h"
 
 /* Arrays under construction: the transport's own pointers are to const. */
 typedef struct Made {
@@ -20,21 +21,6 @@ typedef struct Made {
     ChiaroVertex *vertices;
     ChiaroPart *parts;
 } Made;
-
-static void *array(size_t count, size_t size)
-{
-    void *memory = calloc(count + 1, size);
-    if (!memory) {
-        fputs("out of memory\n", stderr);
-        abort();
-    }
-    return memory;
-}
-
-static Vec3 corner(const ChiaroScene *scene, uint32_t index)
-{
-    return vec3_load(scene->vertices[scene->indices[index]].position);
-}
 
 /* The place (i, j) of a triangle whose edges are cut into `steps`. */
 static Vec3 grid_point(Vec3 a, Vec3 b, Vec3 c, float i, float j, uint32_t steps)
@@ -151,8 +137,8 @@ static ChiaroLinks make_links(uint32_t rows, uint32_t nodes, uint32_t links, uin
 {
     ChiaroRandom random = chiaro_random_seed(7, seed);
     uint32_t most = rows + 1, words = 0;
-    ChiaroBlock *blocks = array(most, sizeof *blocks);
-    uint32_t *cut = array((size_t)most * (links + 40), sizeof *cut);
+    ChiaroBlock *blocks = taken(most, sizeof *blocks);
+    uint32_t *cut = taken((size_t)most * (links + 40), sizeof *cut);
     ChiaroLinks table = {.blocks = blocks, .nodes = cut};
     for (uint32_t row = 0; row < rows; table.block_count++) {
         const uint32_t sizes[4] = {1, 5, CHIARO_BLOCK_ROWS, 33}, i = table.block_count;
@@ -168,7 +154,7 @@ static ChiaroLinks make_links(uint32_t rows, uint32_t nodes, uint32_t links, uin
             cut[table.node_count++] = chiaro_random_bits(&random) % nodes;
         row += size;
     }
-    float *weights = array(words, sizeof *weights);
+    float *weights = taken(words, sizeof *weights);
     for (uint32_t k = 0; k < words; k++)
         weights[k] = chiaro_random_float(&random) / sqrtf((float)links * CHIARO_BLOCK_RANK);
     table.weights = weights;
@@ -189,16 +175,16 @@ static void allocate(Made *made, const ChiaroScene *scene, const MadeTransportDe
     size_t triangles = scene->index_count / 3, cut = desc->mesh_steps, sampled = desc->sample_steps;
     size_t vertices = triangles * (cut + 1) * (cut + 2) / 2, samples = triangles * sampled * sampled;
     size_t leaves = samples + CHIARO_SKY_TEXELS;
-    t->vertices = made->vertices = array(vertices, sizeof *made->vertices);
-    t->vertex_receivers = made->vertex_receivers = array(vertices, sizeof(uint32_t));
-    t->indices = made->indices = array(3 * triangles * cut * cut, sizeof(uint32_t));
-    t->parts = made->parts = array(scene->part_count, sizeof *made->parts);
-    t->samples = made->samples = array(samples, sizeof *made->samples);
-    t->points = made->points = array(samples * desc->points, sizeof *made->points);
-    t->leaf_weights = made->leaf_weights = array(leaves, sizeof(float));
-    t->sky_directions = made->sky_directions = array(CHIARO_SKY_TEXELS, 4 * sizeof(float));
-    t->nodes = made->nodes = array(2 * leaves + 64, sizeof *made->nodes);
-    t->receivers = made->receivers = array(vertices, sizeof *made->receivers);
+    t->vertices = made->vertices = taken(vertices, sizeof *made->vertices);
+    t->vertex_receivers = made->vertex_receivers = taken(vertices, sizeof(uint32_t));
+    t->indices = made->indices = taken(3 * triangles * cut * cut, sizeof(uint32_t));
+    t->parts = made->parts = taken(scene->part_count, sizeof *made->parts);
+    t->samples = made->samples = taken(samples, sizeof *made->samples);
+    t->points = made->points = taken(samples * desc->points, sizeof *made->points);
+    t->leaf_weights = made->leaf_weights = taken(leaves, sizeof(float));
+    t->sky_directions = made->sky_directions = taken(CHIARO_SKY_TEXELS, 4 * sizeof(float));
+    t->nodes = made->nodes = taken(2 * leaves + 64, sizeof *made->nodes);
+    t->receivers = made->receivers = taken(vertices, sizeof *made->receivers);
 }
 
 ChiaroTransport made_transport(const ChiaroScene *scene, const MadeTransportDesc *desc)

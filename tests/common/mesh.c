@@ -1,16 +1,14 @@
 /* Scenes made by hand, for tests. Flat shading: every triangle has corners of its own. */
 #include "mesh.h"
 
-#include <stdio.h>
+#include "insist.h"
+
 #include <stdlib.h>
 
 static void *grown(void *memory, size_t count, size_t size)
 {
     memory = realloc(memory, count * size);
-    if (!memory) {
-        fputs("out of memory\n", stderr);
-        abort();
-    }
+    insist(memory != NULL, "memory");
     return memory;
 }
 
@@ -74,6 +72,14 @@ void mesh_box(Mesh *mesh, Vec3 l, Vec3 h)
     mesh_quad(mesh, vec3(h.x, l.y, h.z), vec3(l.x, l.y, h.z), vec3(l.x, h.y, h.z), vec3(h.x, h.y, h.z)); /* faces -z */
     mesh_quad(mesh, vec3(l.x, l.y, h.z), vec3(l.x, l.y, l.z), vec3(l.x, h.y, l.z), vec3(l.x, h.y, h.z)); /* faces +x */
     mesh_quad(mesh, vec3(h.x, l.y, l.z), vec3(h.x, l.y, h.z), vec3(h.x, h.y, h.z), vec3(h.x, h.y, l.z)); /* faces -x */
+}
+
+Mesh mesh_room(float albedo, float emission)
+{
+    Mesh mesh = mesh_begin();
+    mesh_material(&mesh, albedo, emission);
+    mesh_box(&mesh, vec3(0, 0, 0), vec3(3, 2, 4));
+    return mesh;
 }
 
 /* Ring `i` of `rings` from the south pole, column `j` of 2 * rings. */

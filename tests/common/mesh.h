@@ -28,7 +28,16 @@ void mesh_quad(Mesh *mesh, Vec3 a, Vec3 b, Vec3 c, Vec3 d);
 /* A box seen from inside. */
 void mesh_box(Mesh *mesh, Vec3 low, Vec3 high);
 
+/* A closed room of 3 x 2 x 4 m from the origin, of one material. */
+Mesh mesh_room(float albedo, float emission);
+
 /* A sphere about the origin seen from inside, of flat triangles with every corner on it; with `bowl` only y <= 0. */
 void mesh_sphere(Mesh *mesh, float radius, uint32_t rings, bool bowl);
+
+/* Where the corner is that an index names, of any scene. */
+static inline Vec3 corner(const ChiaroScene *scene, uint32_t index)
+{
+    return vec3_load(scene->vertices[scene->indices[index]].position);
+}
 
 #endif

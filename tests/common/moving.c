@@ -2,27 +2,11 @@
 #include "moving.h"
 
 #include "../../src/core/vec.h"
+#include "insist.h"
 #include "mesh.h"
 #include "pieces.h"
 
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-
-static void insist(bool good, const char *what)
-{
-    if (!good) {
-        fprintf(stderr, "%s failed\n", what);
-        abort();
-    }
-}
-
-static void *taken(size_t count, size_t size)
-{
-    void *memory = calloc(count + 1, size);
-    insist(memory != NULL, "memory");
-    return memory;
-}
 
 Moving moving_make(const ChiaroScene *scene, float part_size)
 {

@@ -1,19 +1,9 @@
 /* A scene taken apart, and put together again. */
 #include "pieces.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+#include "insist.h"
 
-static void *taken(size_t count, size_t size)
-{
-    void *memory = calloc(count + 1, size);
-    if (!memory) {
-        fputs("out of memory\n", stderr);
-        abort();
-    }
-    return memory;
-}
+#include <string.h>
 
 ChiaroScene piece_make(const ChiaroScene *scene, uint32_t first, uint32_t count, const float center[3])
 {

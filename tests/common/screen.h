@@ -16,6 +16,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "clock.h"
+
 enum { SCREEN_WIDTH = 1200, SCREEN_HEIGHT = 900, SCREEN_PATIENCE = 60 /* seconds */ };
 
 typedef struct TestScreen {
@@ -23,13 +25,6 @@ typedef struct TestScreen {
     pid_t server;
     char name[16]; /* for DISPLAY */
 } TestScreen;
-
-static inline double clock_now(void)
-{
-    struct timespec time;
-    clock_gettime(CLOCK_MONOTONIC, &time);
-    return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
-}
 
 static inline void wait_a_little(void)
 {

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "../../samples/common/device.h"
+#include "counter.h"
 #include "made_transport.h"
 #include "mesh.h"
 
@@ -191,28 +192,6 @@ static inline Mesh open_room(void)
     mesh_material(&mesh, 0.4f, 1.5f);
     mesh_quad(&mesh, vec3(-h.x, 0, h.z), vec3(-h.x, 0, -h.z), vec3(-h.x, h.y, -h.z), vec3(-h.x, h.y, h.z));
     return mesh;
-}
-
-/* An allocator that counts, and fails once. */
-typedef struct Counter {
-    uint32_t made, alive, fail_at;
-} Counter;
-
-static inline void *count_alloc(size_t size, void *user)
-{
-    Counter *counter = user;
-    if (++counter->made == counter->fail_at)
-        return NULL;
-    void *memory = malloc(size);
-    counter->alive += memory != NULL;
-    return memory;
-}
-
-static inline void count_free(void *memory, void *user)
-{
-    Counter *counter = user;
-    counter->alive -= memory != NULL;
-    free(memory);
 }
 
 #endif
