@@ -72,15 +72,12 @@ float chiaro_point_form(vec3 normal, float s, vec3 toward, float d)
 
 #ifdef CHIARO_INDIRECT_SET
 
-layout(std430, set = CHIARO_INDIRECT_SET, binding = 0) readonly buffer ChiaroIndirect
-{
-    vec4 chiaro_irradiance[];
-};
+layout(set = CHIARO_INDIRECT_SET, binding = 0) uniform samplerBuffer chiaro_irradiance;
 
 /* Indirect irradiance of a static vertex, to be interpolated over its triangle. */
 vec3 chiaro_indirect(uint receiver)
 {
-    return chiaro_irradiance[receiver].rgb;
+    return texelFetch(chiaro_irradiance, int(receiver)).rgb;
 }
 
 #endif

@@ -155,7 +155,7 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
                                               VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | copied, false, bytes);
     }
     chiaro_arena_bind(context, arena);
-    VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, OBJECT_BINDINGS, 0);
+    VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, OBJECT_BINDINGS, 0, 0);
     state->set = chiaro_set_create(context, arena, pool, context->layouts.objects);
     for (uint32_t i = 0; i < OBJECT_BINDINGS && arena->result == CHIARO_OK; i++)
         chiaro_set_buffer(context, state->set, i, *wanted[i].buffer);
