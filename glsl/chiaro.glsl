@@ -93,7 +93,7 @@ layout(std430, set = CHIARO_LIGHT_SET, binding = 0) readonly buffer ChiaroLights
 };
 
 #ifndef CHIARO_SAMPLE_SHADOW
-#define CHIARO_SAMPLE_SHADOW(number, point, normal) chiaro_shadow_quick(chiaro_lights[number], point, normal)
+#define CHIARO_SAMPLE_SHADOW(number, point, normal) chiaro_shadow_quick(light, point, normal)
 
 layout(set = CHIARO_LIGHT_SET, binding = 1) uniform sampler2DArray chiaro_face_shadows;
 layout(set = CHIARO_LIGHT_SET, binding = 2) uniform sampler2DArray chiaro_wide_shadows;
@@ -303,26 +303,21 @@ vec3 chiaro_sky_sun_irradiance(vec3 point, vec3 normal, vec3 geometric)
 
 #endif
 
-/* Irradiance of one moved-back point (ChiaroPoint): cull plane, shadow, disc law. */
-vec3 chiaro_point_irradiance(vec3 position, float cull, vec3 normal)
+/* Irradiance of one moved-back point (ChiaroPoint) from a light: cull plane, shadow, disc law. */
+vec3 chiaro_point_irradiance(uint number, ChiaroGpuLight light, vec3 position, float cull, vec3 normal)
 {
-    vec3 point = position + normal * cull, sum = vec3(0);
-    for (uint i = 0; i < chiaro_light_count.y; i++) {
-        ChiaroGpuLight light = chiaro_lights[i];
-        float form;
-        if (light.info.x == CHIARO_GPU_SUN) {
-            form = max(0, -dot(normal, light.direction.xyz));
-        } else {
-            vec3 line = light.position.xyz - point;
-            float d = length(line);
-            form = chiaro_point_form(normal, cull, line / d, d);
-            if (form > 0)
-                form *= chiaro_light_window(light, line / d, d);
-        }
+    vec3 point = position + normal * cull;
+    float form;
+    if (light.info.x == CHIARO_GPU_SUN) {
+        form = max(0, -dot(normal, light.direction.xyz));
+    } else {
+        vec3 line = light.position.xyz - point;
+        float d = length(line);
+        form = chiaro_point_form(normal, cull, line / d, d);
         if (form > 0)
-            sum += light.intensity.rgb * (form * CHIARO_SAMPLE_SHADOW(i, point, normal));
+            form *= chiaro_light_window(light, line / d, d);
     }
-    return sum;
+    return form > 0 ? light.intensity.rgb * (form * CHIARO_SAMPLE_SHADOW(number, point, normal)) : vec3(0);
 }
 
 #endif

@@ -274,10 +274,10 @@ static void assert_alive(uint32_t buffers, uint32_t images, uint32_t pipelines, 
                  alive.images, alive.pipelines, alive.sets, buffers, images, pipelines, sets);
 }
 
-/* Buffers: the drawn mesh 2, the mesh of shadows 2, the transport 12 (samples, points, areas, sources, values, 4 of links,
- * patterns, irradiance, receivers of vertices), lights 1. Sets: transport 1, irradiance 1, lights 1. Compute pipelines:
+/* Buffers: the drawn mesh 2, the mesh of shadows 2, the transport 11 (samples, points, areas, sources, values, 4 of links,
+ * patterns, irradiance), lights 1. Sets: transport 1, irradiance 1, lights 1. Compute pipelines:
  * samples, tree, patterns, two gathers; dispatches: samples, tree twice two halves, twice patterns and their gather. */
-enum { MESH = 4, TRANSPORT = 12, GI_PIPELINES = 5, GI_DISPATCHES = 9 };
+enum { MESH = 4, TRANSPORT = 11, GI_PIPELINES = 5, GI_DISPATCHES = 9 };
 
 static void an_empty_scene_has_nothing(void **state)
 {

@@ -51,7 +51,7 @@ static void stage_range(const ChiaroVulkan *context, uint32_t stage, uint32_t *f
     case STAGE_LARGE:
     case STAGE_LARGE_AGAIN: *first = t->small_node_end, *end = t->node_count; break;
     case STAGE_BOUNCES: *end = t->leaf_count; break; /* the sky's are copied */
-    case STAGE_RECEIVERS: *end = t->receiver_count; break;
+    case STAGE_RECEIVERS: *end = context->scene.irradiance_count; break;
     default: *first = links_of(context, stage)->first_task, *end = *first + links_of(context, stage)->task_count;
     }
 }
@@ -148,9 +148,9 @@ static void record_stage(ChiaroVulkan *context, VkCommandBuffer commands, const 
 static void record_blend(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroVulkanUpdate *info)
 {
     BounceState *state = &context->bounce;
-    uint32_t receivers = context->scene.transport.receiver_count;
-    ChiaroComputePush push = {.range = {0, receivers, state->fade_left}};
-    dispatch(context, commands, info, GI_BLEND, groups_of(receivers, CHIARO_GROUP_SIZE), &push);
+    uint32_t count = context->scene.irradiance_count;
+    ChiaroComputePush push = {.range = {0, count, state->fade_left}};
+    dispatch(context, commands, info, GI_BLEND, groups_of(count, CHIARO_GROUP_SIZE), &push);
     state->fade_left--;
 }
 

@@ -201,10 +201,12 @@ typedef struct DrawPart {
 typedef struct SceneState {
     Arena *arena;    /* mesh, textures */
     Arena *gi_arena; /* baked transport */
-    DeviceBuffer vertices, indices, vertex_receivers;        /* what is drawn */
+    DeviceBuffer vertices, indices;                           /* what is drawn */
     DeviceBuffer shadow_vertices, shadow_uvs, shadow_indices; /* what casts shadows: the scene as it was given */
     DeviceBuffer samples, points, areas, sources, tasks, rows, link_nodes, link_weights, values, patterns, irradiance, coming;
     LinkRun sample_links, receiver_links;
+    uint32_t irradiance_count; /* receivers, then second vertices of theirs: as many as drawn vertices */
+    uint32_t *places, *drawn;  /* while it is loaded: which of those each vertex of the bake is; indices */
     VkDescriptorSet *texture_sets;
     VkDescriptorSet gi_set, irradiance_set;
     DrawPart *parts; /* sorted by surface */

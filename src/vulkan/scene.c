@@ -4,6 +4,7 @@
 #include "context.h"
 
 #include <math.h>
+#include <stdlib.h>
 
 #include "../core/log.h"
 
@@ -153,6 +154,52 @@ static void create_texture_sets(ChiaroVulkan *context, SceneState *state, const 
     }
 }
 
+static uint32_t lowest(const uint32_t corner[3])
+{
+    uint32_t least = corner[0] < corner[1] ? corner[0] : corner[1];
+    return least < corner[2] ? least : corner[2];
+}
+
+/* By the lowest vertex, then by all. */
+static int compare_triangles(const void *a, const void *b)
+{
+    const uint32_t *x = a, *y = b;
+    uint32_t low_x = lowest(x), low_y = lowest(y);
+    for (int i = 0; i < 3 && low_x == low_y; i++)
+        low_x = x[i], low_y = y[i];
+    return (low_x > low_y) - (low_x < low_y);
+}
+
+/* Drawn vertices are numbered as their receivers are, so that irradiance is an attribute of theirs; those whose receiver
+ * has a vertex already follow the last receiver. Receivers are numbered block by block, in space, so triangles in this
+ * order find their vertices in the cache: that alone is a fifth of a frame of a level. Objects have no receivers: their
+ * vertices keep their numbers. */
+static ChiaroResult place_vertices(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport)
+{
+    uint32_t count = transport->receiver_count;
+    bool *taken = chiaro_vulkan_alloc(context, count, sizeof *taken);
+    state->places = chiaro_vulkan_alloc(context, transport->vertex_count, sizeof *state->places);
+    state->drawn = chiaro_vulkan_alloc(context, transport->index_count, sizeof *state->drawn);
+    bool room = taken && state->places && state->drawn;
+    for (uint32_t v = 0; room && v < transport->vertex_count; v++) {
+        if (!transport->vertex_receivers) {
+            state->places[v] = count++;
+            continue;
+        }
+        uint32_t receiver = transport->vertex_receivers[v];
+        state->places[v] = taken[receiver] ? count++ : receiver;
+        taken[receiver] = true;
+    }
+    for (uint32_t i = 0; room && i < transport->index_count; i++)
+        state->drawn[i] = state->places[transport->indices[i]];
+    for (uint32_t p = 0; room && p < transport->part_count; p++)
+        qsort(state->drawn + transport->parts[p].first_index, transport->parts[p].index_count / 3, 3 * sizeof *state->drawn,
+              compare_triangles);
+    state->irradiance_count = count;
+    chiaro_vulkan_free(context, taken);
+    return room ? CHIARO_OK : CHIARO_ERROR_MEMORY;
+}
+
 static void create_mesh(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport)
 {
     const ChiaroScene *scene = &transport->scene;
@@ -162,7 +209,7 @@ static void create_mesh(ChiaroVulkan *context, SceneState *state, const ChiaroTr
     uint64_t *bytes = &state->mesh_bytes;
     if (!context->desc.light_only) {
         state->vertices = chiaro_arena_buffer(
-            context, state->arena, sizeof(ChiaroVertex) * (uint64_t)transport->vertex_count, vertex, false, bytes);
+            context, state->arena, sizeof(ChiaroVertex) * (uint64_t)state->irradiance_count, vertex, false, bytes);
         state->indices = chiaro_arena_buffer(context, state->arena, 4 * (uint64_t)transport->index_count, index, false,
                                              bytes);
     }
@@ -185,11 +232,11 @@ static void create_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTran
     const VkBufferUsageFlags texels = VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT | copied;
     const VkBufferUsageFlags storage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | copied;
     const VkFormat floats = VK_FORMAT_R32G32B32A32_SFLOAT;
-    const uint64_t samples = transport->sample_count, nodes = transport->node_count,
-                   receivers = transport->receiver_count;
+    const uint64_t samples = transport->sample_count, nodes = transport->node_count, shown = state->irradiance_count;
     LinkSizes links = {0};
     chiaro_links_lay(&transport->sample_links, &links, &state->sample_links);
     chiaro_links_lay(&transport->receiver_links, &links, &state->receiver_links);
+    links.rows += shown - transport->receiver_count;
     struct {
         DeviceBuffer *buffer;
         uint64_t size;
@@ -208,15 +255,12 @@ static void create_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTran
         {&state->patterns, links.tasks * 3 * 16, texels | storage, floats},
         {&state->values, 0, 0, 0},
         {&state->patterns, 0, 0, 0},
-        {&state->irradiance, receivers * 16, texels | storage | copied_from, 0},
-        {&state->coming, receivers * 16, context->desc.sliced ? storage : 0, 0},
+        {&state->irradiance, shown * 16, texels | storage | copied_from | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT, 0},
+        {&state->coming, shown * 16, context->desc.sliced ? storage : 0, 0},
     };
     for (uint32_t i = 0; i < GI_BINDINGS; i++)
         if (wanted[i].usage)
             *wanted[i].buffer = chiaro_arena_buffer(context, arena, wanted[i].size, wanted[i].usage, false, &state->gi_bytes);
-    if (!context->desc.light_only)
-        state->vertex_receivers = chiaro_arena_buffer(context, arena, transport->vertex_count * sizeof(uint32_t),
-                                                      VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | copied, false, &state->gi_bytes);
     if (!context->desc.sliced) /* it is bound, never used */
         state->coming = state->irradiance;
     chiaro_arena_bind(context, arena);
@@ -238,8 +282,13 @@ static void put(ChiaroVulkan *context, Upload *upload, DeviceBuffer buffer, cons
 static void fill_mesh(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport, Upload *upload)
 {
     const ChiaroScene *scene = &transport->scene;
-    put(context, upload, state->vertices, transport->vertices);
-    put(context, upload, state->indices, transport->indices);
+    if (state->vertices.buffer) {
+        ChiaroVertex *vertices = chiaro_upload_buffer(context, upload, state->vertices);
+        uint32_t *indices = chiaro_upload_buffer(context, upload, state->indices);
+        for (uint32_t v = 0; v < transport->vertex_count; v++)
+            vertices[state->places[v]] = transport->vertices[v];
+        memcpy(indices, state->drawn, state->indices.size);
+    }
     if (!state->shadow_vertices.buffer)
         return;
     put(context, upload, state->shadow_indices, scene->indices);
@@ -289,7 +338,11 @@ static void fill_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTransp
     chiaro_links_fill(&transport->sample_links, &state->sample_links, &links);
     chiaro_links_fill(&transport->receiver_links, &state->receiver_links, &links);
     put(context, upload, state->points, transport->points);
-    put(context, upload, state->vertex_receivers, transport->vertex_receivers);
+    /* Second vertices of a receiver have its row. */
+    uint32_t *rows = links.rows + 2 * (size_t)state->receiver_links.first_row;
+    for (uint32_t v = 0; state->places && v < transport->vertex_count; v++)
+        if (state->places[v] >= transport->receiver_count)
+            memcpy(rows + 2 * (size_t)state->places[v], rows + 2 * (size_t)transport->vertex_receivers[v], 8);
 }
 
 /* Staging bytes of everything but textures. */
@@ -298,7 +351,7 @@ static uint64_t staging_size(const SceneState *state)
     const DeviceBuffer all[] = {state->vertices,        state->indices, state->shadow_vertices, state->shadow_indices,
                                 state->shadow_uvs,      state->samples, state->points,          state->areas,
                                 state->sources,         state->tasks,   state->rows,            state->link_nodes,
-                                state->vertex_receivers, state->link_weights};
+                                state->link_weights};
     uint64_t size = 0;
     for (uint32_t i = 0; i < sizeof all / sizeof all[0]; i++)
         size += chiaro_upload_size(all[i].size);
@@ -334,6 +387,11 @@ static ChiaroResult upload_scene(ChiaroVulkan *context, SceneState *state, const
 {
     const ChiaroScene *scene = &transport->scene;
     ChiaroResult result = describe_parts(context, state, transport);
+    if (result != CHIARO_OK)
+        return result;
+    state->irradiance_count = transport->receiver_count;
+    if (!context->desc.light_only)
+        result = place_vertices(context, state, transport);
     if (result != CHIARO_OK)
         return result;
     create_mesh(context, state, transport);
@@ -389,6 +447,9 @@ ChiaroResult chiaro_scene_upload(ChiaroVulkan *context, SceneState *state, const
     }
     result = images && state->arena ? upload_scene(context, state, transport, commands, images) : CHIARO_ERROR_MEMORY;
     chiaro_vulkan_free(context, images);
+    chiaro_vulkan_free(context, state->places);
+    chiaro_vulkan_free(context, state->drawn);
+    state->places = state->drawn = NULL;
     if (result != CHIARO_OK)
         chiaro_scene_release(context, state);
     return result;
