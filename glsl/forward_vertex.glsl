@@ -38,7 +38,7 @@ void main()
     vec3 place = position;
     v_normal = normal;
 #ifdef CHIARO_OBJECT
-    ChiaroGpuObject object = chiaro_objects[gl_InstanceIndex];
+    ChiaroGpuObject object = chiaro_object(gl_InstanceIndex);
     place = chiaro_object_point(object, position);
     v_normal = normalize(chiaro_object_direction(object, normal));
 #endif

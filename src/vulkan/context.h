@@ -271,7 +271,7 @@ void chiaro_sky_release(ChiaroVulkan *context);
 /* ---- objects.c ---------------------------------------------------------------------------------------------------- */
 
 /* Bindings of the set of objects: chiaro.glsl, CHIARO_OBJECT_SET. */
-enum { OBJECT_BINDINGS = 5 };
+enum { OBJECT_BINDINGS = 6 };
 
 /* The runs of draw parts that a mesh is. */
 typedef struct ObjectMesh {

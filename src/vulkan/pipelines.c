@@ -84,7 +84,7 @@ ChiaroResult chiaro_layouts_create(ChiaroVulkan *context)
     VkDescriptorSetLayoutBinding irradiance[] = {{0, texels, 1, any, NULL}};
     VkDescriptorSetLayoutBinding objects[OBJECT_BINDINGS], gi[GI_BINDINGS];
     for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
-        objects[i] = (VkDescriptorSetLayoutBinding){i, buffer, 1, any, NULL};
+        objects[i] = (VkDescriptorSetLayoutBinding){i, texels, 1, any, NULL};
     for (uint32_t i = 0; i < GI_BINDINGS; i++)
         gi[i] = (VkDescriptorSetLayoutBinding){i, i < GI_TEXELS ? texels : buffer, 1, compute, NULL};
     Layouts *layouts = &context->layouts;
