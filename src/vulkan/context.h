@@ -33,7 +33,8 @@
     X(CreateComputePipelines) X(CreateDescriptorPool) X(CreateDescriptorSetLayout) X(CreateFramebuffer)                \
     X(CreateGraphicsPipelines) X(CreateImage) X(CreateImageView) X(CreatePipelineLayout) X(CreateRenderPass)           \
     X(CreateSampler) X(CreateShaderModule) X(DestroyBuffer) X(DestroyBufferView) X(DestroyDescriptorPool)              \
-    X(DestroyDescriptorSetLayout) X(DestroyFramebuffer) X(DestroyImage) X(DestroyImageView) X(DestroyPipeline) X(DestroyPipelineLayout)              \
+    X(DestroyDescriptorSetLayout) X(DestroyFramebuffer) X(DestroyImage) X(DestroyImageView) X(DestroyPipeline)         \
+    X(DestroyPipelineLayout)                                                                                           \
     X(DestroyRenderPass) X(DestroySampler) X(DestroyShaderModule) X(FreeMemory) X(GetBufferMemoryRequirements)         \
     X(GetImageMemoryRequirements) X(MapMemory) X(UpdateDescriptorSets)
 
@@ -127,8 +128,8 @@ enum { SURFACE_TEXTURED = 1, SURFACE_MASKED = 2, SURFACE_KINDS = 4 };
  * stand in the way, and some of them of more than one piece. */
 enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_SUN = 4, FORWARD_BLOCKED = 8, FORWARD_PIECES = 16, FORWARD_KINDS = 32 };
 enum { FORWARD_OBJECTS = FORWARD_BLOCKED | FORWARD_PIECES };
-enum { GI_SAMPLES_LIT, GI_SAMPLES_DARK, GI_TREE, GI_PATTERNS, GI_PATTERNS_COLORED, GI_GATHER_SAMPLES, GI_GATHER_RECEIVERS, GI_BLEND,
-       GI_PASSES };
+enum { GI_SAMPLES_LIT, GI_SAMPLES_DARK, GI_TREE, GI_PATTERNS, GI_PATTERNS_COLORED, GI_GATHER_SAMPLES,
+       GI_GATHER_RECEIVERS, GI_BLEND, GI_PASSES };
 enum { SHADOW_OPAQUE, SHADOW_MASKED, SHADOW_MASKED_TEXTURED, SHADOW_KINDS };
 
 typedef struct Pipeline {
@@ -203,7 +204,8 @@ typedef struct SceneState {
     Arena *gi_arena; /* baked transport */
     DeviceBuffer vertices, indices;                           /* what is drawn */
     DeviceBuffer shadow_vertices, shadow_uvs, shadow_indices; /* what casts shadows: the scene as it was given */
-    DeviceBuffer samples, points, areas, sources, tasks, rows, link_nodes, link_weights, values, patterns, irradiance, coming;
+    DeviceBuffer samples, points, areas, sources, tasks, rows, link_nodes, link_weights, values, patterns, irradiance,
+        coming;
     LinkRun sample_links, receiver_links;
     uint32_t irradiance_count; /* receivers, then second vertices of theirs: as many as drawn vertices */
     uint32_t *places, *drawn;  /* while it is loaded: which of those each vertex of the bake is; indices */

@@ -193,8 +193,8 @@ static ChiaroResult place_vertices(ChiaroVulkan *context, SceneState *state, con
     for (uint32_t i = 0; room && i < transport->index_count; i++)
         state->drawn[i] = state->places[transport->indices[i]];
     for (uint32_t p = 0; room && p < transport->part_count; p++)
-        qsort(state->drawn + transport->parts[p].first_index, transport->parts[p].index_count / 3, 3 * sizeof *state->drawn,
-              compare_triangles);
+        qsort(state->drawn + transport->parts[p].first_index, transport->parts[p].index_count / 3,
+              3 * sizeof *state->drawn, compare_triangles);
     state->irradiance_count = count;
     chiaro_vulkan_free(context, taken);
     return room ? CHIARO_OK : CHIARO_ERROR_MEMORY;
@@ -260,7 +260,8 @@ static void create_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTran
     };
     for (uint32_t i = 0; i < GI_BINDINGS; i++)
         if (wanted[i].usage)
-            *wanted[i].buffer = chiaro_arena_buffer(context, arena, wanted[i].size, wanted[i].usage, false, &state->gi_bytes);
+            *wanted[i].buffer =
+                chiaro_arena_buffer(context, arena, wanted[i].size, wanted[i].usage, false, &state->gi_bytes);
     if (!context->desc.sliced) /* it is bound, never used */
         state->coming = state->irradiance;
     chiaro_arena_bind(context, arena);
