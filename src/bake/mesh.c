@@ -13,11 +13,13 @@
 #include "chiaro_shared.h"
 #include "map.h"
 
-enum { SIZING_RAYS = 32, MAX_ROUNDS = 24, BISECTIONS = 8, USUAL_RUN = 150 /* receivers whose links are fitted together */ };
+enum { SIZING_RAYS = 32, MAX_ROUNDS = 96, BISECTIONS = 8, USUAL_RUN = 150 /* receivers whose links are fitted together */ };
 
 /* Edge length wanted where surroundings are as far away as the scene's free path, elsewhere with their distance to this power:
  * near ones ask for short edges, but they are dark and many. In edges of a square of the mean area a receiver; and limits. */
 static const float USUAL_EDGE = 1.2f, DISTANCE_POWER = 1.0f / 3, SHORTEST_EDGE = 0.6f, LONGEST_EDGE = 6;
+/* Refinement begins with edges that are so much longer, and goes on in steps of at most and at least so much. */
+static const float COARSEST = 16, MOST_FINER = 1.4142136f, LEAST_FINER = 1.05f;
 /* Vertices, at most: so many for each receiver that was asked for, beyond the scene's own; in all; and where the scene itself
  * has more than that, so many times its own. */
 static const double MOST_A_RECEIVER = 4, MOST_VERTICES = 160e3, MOST_MORE = 1.25;
@@ -25,6 +27,10 @@ static const double MOST_A_RECEIVER = 4, MOST_VERTICES = 160e3, MOST_MORE = 1.25
 static const float USUAL_PART = 0.02f;
 /* A receiver is moved this part of the way to the middle of its triangles: a corner lies on two walls. */
 static const float INWARD = 0.02f;
+/* Places this close, in edges of a square of the mean area a receiver, are one to light; and normals, one step of so many to
+ * each side. */
+static const float SAME_PLACE = 0.1f;
+enum { SAME_NORMAL = 4 };
 /* More than this share of rays that meet surfaces from behind: the place is inside something. */
 static const float INSIDE = 0.5f;
 
@@ -36,7 +42,7 @@ typedef struct Triangle {
 typedef struct Edge {
     uint32_t a, b;   /* places */
     Vec3 normal;     /* of one triangle at it */
-    float wanted;    /* length, from that triangle's side */
+    float wanted;    /* length in units, from that triangle's side */
 } Edge;
 
 typedef struct Mesh {
@@ -48,8 +54,8 @@ typedef struct Mesh {
     Edge *edges;
     uint32_t vertex_count, vertex_capacity, place_count, place_capacity, triangle_count, triangle_capacity;
     uint32_t edge_count, edge_capacity;
-    Map settled; /* edges that were found short enough */
-    float unit; /* edge of a square of the mean area a receiver */
+    Map wanted; /* of edges that were sized: the bits of their wanted length, in units */
+    float unit; /* edge of a square of the mean area a receiver; larger where the scene may not have as many */
     RowScratch *scratch; /* one a thread */
 } Mesh;
 
@@ -159,10 +165,9 @@ static void size_edges(uint32_t begin, uint32_t end, uint32_t thread, void *user
                          &mesh->scratch[thread], &facts);
         /* The sky is far away: where a part of the hemisphere is sky, the mean of 1 / distance is as much less. */
         float distance = facts.sky < 1 ? facts.free_path / (1 - facts.sky) : INFINITY;
-        float wanted = USUAL_EDGE * mesh->unit * powf(distance / baker->free_path, DISTANCE_POWER);
+        edge->wanted = USUAL_EDGE * powf(distance / baker->free_path, DISTANCE_POWER);
         /* Inside a solid nobody looks, but the edge that leads out of it matters. */
-        edge->wanted = facts.behind > 0.9f ? INFINITY : fmaxf(SHORTEST_EDGE * mesh->unit, wanted);
-        edge->wanted = fminf(edge->wanted, LONGEST_EDGE * mesh->unit);
+        edge->wanted = facts.behind > 0.9f ? LONGEST_EDGE : fminf(LONGEST_EDGE, fmaxf(SHORTEST_EDGE, edge->wanted));
     }
 }
 
@@ -178,50 +183,75 @@ static uint64_t triangle_edge(const Mesh *mesh, const Triangle *t, int k)
 
 enum { EDGE_KEPT = UINT32_MAX, EDGE_SPLIT = UINT32_MAX - 1 }; /* values of the map of edges; else: the middle's place */
 
-/* Marks the edges that are too long, in a map from edges to EDGE_*. Returns how many; -1: out of memory. */
-static int64_t mark_edges(Mesh *mesh, Map *marks)
+/* Asks for the size of an edge, seen from a triangle with this normal. */
+static bool add_edge(Mesh *mesh, uint32_t a, uint32_t b, Vec3 normal)
 {
-    const Baker *baker = mesh->baker;
-    int64_t marked = 0;
+    Edge *edges = reserve(mesh->edges, mesh->edge_count, &mesh->edge_capacity, sizeof *edges);
+    if (!edges)
+        return false;
+    mesh->edges = edges;
+    mesh->edges[mesh->edge_count++] = (Edge){a, b, normal, 0};
+    return true;
+}
+
+/* Sizes the edges that are neither short nor long in any case and were not met before: the shorter of both sides' wishes.
+ * False: out of memory. */
+static bool size_new_edges(Mesh *mesh)
+{
     mesh->edge_count = 0;
     for (uint32_t t = 0; t < mesh->triangle_count; t++) {
         const Triangle *triangle = &mesh->triangles[t];
         Vec3 normal = vec3_normalize(triangle_cross(mesh, triangle));
-        for (int k = 0; k < 3; k++) {
+        for (int k = 0; k < 3 && vec3_dot(normal, normal) > 0; k++) {
             uint32_t a = mesh->vertex_place[triangle->vertex[k]], b = mesh->vertex_place[triangle->vertex[(k + 1) % 3]];
-            float length = edge_length(mesh, a, b);
-            if (length <= SHORTEST_EDGE * mesh->unit || !(vec3_dot(normal, normal) > 0))
+            float length = edge_length(mesh, a, b) / mesh->unit;
+            if (length <= SHORTEST_EDGE || length > LONGEST_EDGE)
                 continue;
-            if (length > LONGEST_EDGE * mesh->unit) {
-                uint32_t *mark = map_at(marks, map_pair(a, b), EDGE_KEPT);
-                if (!mark)
-                    return -1;
-                marked += *mark == EDGE_KEPT;
-                *mark = EDGE_SPLIT;
-                continue;
-            }
-            uint32_t *settled = map_at(&mesh->settled, map_pair(a, b), 0);
-            if (!settled)
-                return -1;
-            if (*settled)
-                continue;
-            Edge *edges = reserve(mesh->edges, mesh->edge_count, &mesh->edge_capacity, sizeof *edges);
-            if (!edges)
-                return -1;
-            mesh->edges = edges;
-            mesh->edges[mesh->edge_count++] = (Edge){a, b, normal, 0};
+            uint32_t *wanted = map_at(&mesh->wanted, map_pair(a, b), 0);
+            if (!wanted || (!*wanted && !add_edge(mesh, a, b, normal)))
+                return false;
         }
     }
-    chiaro_parallel_for(baker->desc.threads, mesh->edge_count, 64, size_edges, mesh, NULL, NULL);
+    chiaro_parallel_for(mesh->baker->desc.threads, mesh->edge_count, 64, size_edges, mesh, NULL, NULL);
     for (uint32_t e = 0; e < mesh->edge_count; e++) {
         const Edge *edge = &mesh->edges[e];
-        uint64_t key = map_pair(edge->a, edge->b);
-        uint32_t *mark = map_at(marks, key, EDGE_KEPT), *settled = map_at(&mesh->settled, key, 0);
-        if (!mark || !settled)
-            return -1;
-        *settled = 1; /* split edges are never met again */
-        if (*mark == EDGE_KEPT && edge_length(mesh, edge->a, edge->b) > edge->wanted)
-            *mark = EDGE_SPLIT, marked++;
+        uint32_t bits, *wanted = map_at(&mesh->wanted, map_pair(edge->a, edge->b), 0);
+        if (!wanted)
+            return false;
+        memcpy(&bits, &edge->wanted, sizeof bits); /* of positive numbers: ordered as they are */
+        *wanted = *wanted && *wanted < bits ? *wanted : bits;
+    }
+    return true;
+}
+
+/* Marks the edges that are too long, in a map from edges to EDGE_*. Returns how many; -1: out of memory. */
+static int64_t mark_edges(Mesh *mesh, Map *marks)
+{
+    int64_t marked = 0;
+    if (!size_new_edges(mesh))
+        return -1;
+    for (uint32_t t = 0; t < mesh->triangle_count; t++) {
+        const Triangle *triangle = &mesh->triangles[t];
+        Vec3 cross = triangle_cross(mesh, triangle);
+        for (int k = 0; k < 3; k++) {
+            uint64_t key = triangle_edge(mesh, triangle, k);
+            uint32_t *mark = map_at(marks, key, EDGE_KEPT);
+            float length = edge_length(mesh, mesh->vertex_place[triangle->vertex[k]],
+                                       mesh->vertex_place[triangle->vertex[(k + 1) % 3]]) / mesh->unit;
+            if (!mark)
+                return -1;
+            if (*mark == EDGE_SPLIT || length <= SHORTEST_EDGE || !(vec3_dot(cross, cross) > 0))
+                continue;
+            float longest = LONGEST_EDGE;
+            if (length <= LONGEST_EDGE) {
+                uint32_t *wanted = map_at(&mesh->wanted, key, 0);
+                if (!wanted)
+                    return -1;
+                memcpy(&longest, wanted, sizeof longest);
+            }
+            if (length > longest)
+                *mark = EDGE_SPLIT, marked++;
+        }
     }
     /* Longest edges of touched triangles, until nothing changes. */
     for (bool changed = marked > 0; changed;) {
@@ -232,11 +262,7 @@ static int64_t mark_edges(Mesh *mesh, Map *marks)
             float longest = -1;
             int at = 0, any = 0;
             for (int k = 0; k < 3; k++) {
-                if (!map_at(marks, triangle_edge(mesh, triangle, k), EDGE_KEPT))
-                    return -1;
-            }
-            for (int k = 0; k < 3; k++) {
-                mark[k] = map_at(marks, triangle_edge(mesh, triangle, k), EDGE_KEPT);
+                mark[k] = map_at(marks, triangle_edge(mesh, triangle, k), EDGE_KEPT); /* known: stays where it is */
                 float length = edge_length(mesh, mesh->vertex_place[triangle->vertex[k]],
                                            mesh->vertex_place[triangle->vertex[(k + 1) % 3]]);
                 if (length > longest)
@@ -449,6 +475,51 @@ static void move_outside(Receivers *receivers)
     }
 }
 
+/* Does a wall stand between two places on the surface? */
+static bool is_parted(const Mesh *mesh, const Draft *a, const Draft *b)
+{
+    float height = SAME_PLACE * mesh->unit / 4;
+    Vec3 from = vec3_mad(a->place, a->plane, height), way = vec3_sub(vec3_mad(b->place, b->plane, height), from);
+    float distance = vec3_length(way);
+    return distance > 0 && chiaro_rays_blocked(mesh->baker->rays, from, vec3_scale(way, 1 / distance), 0, distance);
+}
+
+/* Corners of fine detail that lie close together and look the same way, about, share a receiver. */
+static bool merge_detail(Receivers *receivers)
+{
+    const Mesh *mesh = receivers->mesh;
+    Vec3 low = vec3_load(mesh->baker->info.bounds_min);
+    uint32_t count = 0, *renamed = malloc(receivers->count * sizeof *renamed);
+    Map known = {0};
+    bool ok = renamed != NULL;
+    for (uint32_t r = 0; ok && r < receivers->count; r++) {
+        Draft draft = receivers->drafts[r];
+        Vec3 cell = vec3_scale(vec3_sub(draft.place, low), 1 / (SAME_PLACE * mesh->unit));
+        Vec3 turn = vec3_scale(draft.normal, SAME_NORMAL);
+        uint64_t key = chiaro_random_mix((uint64_t)(int64_t)floorf(cell.x) << 42 ^ (uint64_t)(int64_t)floorf(cell.y) << 21 ^
+                                         (uint64_t)(int64_t)floorf(cell.z));
+        key ^= (uint64_t)((lrintf(turn.x) + SAME_NORMAL) << 16 | (lrintf(turn.y) + SAME_NORMAL) << 8 |
+                          (lrintf(turn.z) + SAME_NORMAL));
+        uint32_t *shared;
+        do {
+            key = chiaro_random_mix(key) >> 1;
+            shared = map_at(&known, key, count);
+        } while (shared && *shared < count && is_parted(mesh, &receivers->drafts[*shared], &draft));
+        ok = shared != NULL;
+        if (!ok)
+            break;
+        if (*shared == count)
+            receivers->drafts[count++] = draft;
+        renamed[r] = *shared;
+    }
+    for (uint32_t v = 0; ok && v < mesh->vertex_count; v++)
+        receivers->of_vertex[v] = renamed[receivers->of_vertex[v]];
+    receivers->count = count;
+    map_free(&known);
+    free(renamed);
+    return ok;
+}
+
 /* Orders the receivers so that neighbours that look the same way follow each other, and cuts them into runs.
  * `order` receives the draft of each. */
 static bool deal_runs(const Receivers *receivers, uint32_t *order)
@@ -542,21 +613,20 @@ static bool finish(Receivers *receivers)
     return true;
 }
 
-/* Splits edges until all are short enough. Where that takes more vertices than a scene may have, since its surroundings are
- * near everywhere, or since its own are many already, it begins again with longer edges. */
+/* Splits edges until all are short enough, those first that are the longest for what surrounds them: where that would take
+ * more vertices than a scene may have, since its surroundings are near everywhere, or since its own are many already, all
+ * edges end about equally too long. */
 static ChiaroResult refine(Mesh *mesh)
 {
     Baker *baker = mesh->baker;
-    uint32_t most = 0;
+    if (!load(mesh))
+        return CHIARO_ERROR_MEMORY;
+    double most = fmin(mesh->vertex_count + MOST_A_RECEIVER * baker->desc.receivers,
+                       fmax(MOST_VERTICES, MOST_MORE * mesh->vertex_count));
+    float end = mesh->unit;
+    uint32_t own = mesh->vertex_count;
+    mesh->unit *= COARSEST;
     for (uint32_t round = 0; round < MAX_ROUNDS; round++) {
-        if (round == 0) {
-            mesh->vertex_count = mesh->place_count = mesh->triangle_count = 0;
-            map_free(&mesh->settled);
-            if (!load(mesh))
-                return CHIARO_ERROR_MEMORY;
-            most = (uint32_t)fmin((double)mesh->vertex_count + MOST_A_RECEIVER * (double)baker->desc.receivers,
-                                  fmax(MOST_VERTICES, MOST_MORE * mesh->vertex_count));
-        }
         Map marks = {0};
         int64_t marked = mark_edges(mesh, &marks);
         bool ok = marked >= 0 && (marked == 0 || split_triangles(mesh, &marks));
@@ -565,12 +635,13 @@ static ChiaroResult refine(Mesh *mesh)
             return CHIARO_ERROR_MEMORY;
         if (!chiaro_bake_progress((float)round / MAX_ROUNDS, baker))
             return CHIARO_ERROR_INTERRUPTED;
-        if (marked == 0)
+        if (marked > 0)
+            continue;
+        /* Vertices that came in addition grow by the square. */
+        float room = (float)sqrt((most - own) / fmax(1, (double)mesh->vertex_count - own));
+        if (mesh->unit <= end || room < LEAST_FINER)
             break;
-        if (mesh->vertex_count > most) {
-            mesh->unit *= 1.4142136f;
-            round = UINT32_MAX;
-        }
+        mesh->unit = fmaxf(end, mesh->unit / fminf(MOST_FINER, room));
     }
     return CHIARO_OK;
 }
@@ -596,7 +667,7 @@ ChiaroResult chiaro_bake_mesh(Baker *baker)
         goto done;
     chiaro_parallel_for(threads, receivers.count, 64, find_inside, &receivers, NULL, NULL);
     move_outside(&receivers);
-    result = finish(&receivers) ? CHIARO_OK : CHIARO_ERROR_MEMORY;
+    result = merge_detail(&receivers) && finish(&receivers) ? CHIARO_OK : CHIARO_ERROR_MEMORY;
 done:
     for (uint32_t t = 0; mesh.scratch && t < threads; t++)
         chiaro_row_scratch_destroy(&mesh.scratch[t]);
@@ -606,7 +677,7 @@ done:
     free(mesh.places);
     free(mesh.triangles);
     free(mesh.edges);
-    map_free(&mesh.settled);
+    map_free(&mesh.wanted);
     free(receivers.drafts);
     free(receivers.of_vertex);
     return result;

@@ -50,6 +50,9 @@ static bool free_place(const Baker *baker, ChiaroRandom *random, float *position
             return false;
         distance = hit.distance;
     }
+    /* Where lamps have room: the longer a ray is, the more of them hang along it. */
+    if (chiaro_random_float(random) * 2 * baker->free_path > distance)
+        return false;
     vec3_store(position, vec3_mad(origin, direction, distance * (0.02f + 0.96f * along)));
     return true;
 }
