@@ -6,7 +6,7 @@
 
 void main()
 {
-    uint row = push.range.x + gl_GlobalInvocationID.x;
+    uint row = chiaro_invocation();
     if (row >= push.range.y)
         return;
     if (push.range.z == 1)

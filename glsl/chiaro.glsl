@@ -72,15 +72,12 @@ float chiaro_point_form(vec3 normal, float s, vec3 toward, float d)
 
 #ifdef CHIARO_INDIRECT_SET
 
-layout(std430, set = CHIARO_INDIRECT_SET, binding = 0) readonly buffer ChiaroIndirect
-{
-    vec4 chiaro_irradiance[];
-};
+layout(set = CHIARO_INDIRECT_SET, binding = 0) uniform samplerBuffer chiaro_irradiance;
 
 /* Indirect irradiance of a static vertex, to be interpolated over its triangle. */
 vec3 chiaro_indirect(uint receiver)
 {
-    return chiaro_irradiance[receiver].rgb;
+    return texelFetch(chiaro_irradiance, int(receiver)).rgb;
 }
 
 #endif
@@ -96,7 +93,7 @@ layout(std430, set = CHIARO_LIGHT_SET, binding = 0) readonly buffer ChiaroLights
 };
 
 #ifndef CHIARO_SAMPLE_SHADOW
-#define CHIARO_SAMPLE_SHADOW(number, point, normal) chiaro_shadow_quick(chiaro_lights[number], point, normal)
+#define CHIARO_SAMPLE_SHADOW(number, point, normal) chiaro_shadow_quick(light, point, normal)
 
 layout(set = CHIARO_LIGHT_SET, binding = 1) uniform sampler2DArray chiaro_face_shadows;
 layout(set = CHIARO_LIGHT_SET, binding = 2) uniform sampler2DArray chiaro_wide_shadows;
@@ -306,48 +303,42 @@ vec3 chiaro_sky_sun_irradiance(vec3 point, vec3 normal, vec3 geometric)
 
 #endif
 
-/* Irradiance of one moved-back point (ChiaroPoint): cull plane, shadow, disc law. */
-vec3 chiaro_point_irradiance(vec3 position, float cull, vec3 normal)
+/* Irradiance of one moved-back point (ChiaroPoint) from a light: cull plane, shadow, disc law. */
+vec3 chiaro_point_irradiance(uint number, ChiaroGpuLight light, vec3 position, float cull, vec3 normal)
 {
-    vec3 point = position + normal * cull, sum = vec3(0);
-    for (uint i = 0; i < chiaro_light_count.y; i++) {
-        ChiaroGpuLight light = chiaro_lights[i];
-        float form;
-        if (light.info.x == CHIARO_GPU_SUN) {
-            form = max(0, -dot(normal, light.direction.xyz));
-        } else {
-            vec3 line = light.position.xyz - point;
-            float d = length(line);
-            form = chiaro_point_form(normal, cull, line / d, d);
-            if (form > 0)
-                form *= chiaro_light_window(light, line / d, d);
-        }
+    vec3 point = position + normal * cull;
+    float form;
+    if (light.info.x == CHIARO_GPU_SUN) {
+        form = max(0, -dot(normal, light.direction.xyz));
+    } else {
+        vec3 line = light.position.xyz - point;
+        float d = length(line);
+        form = chiaro_point_form(normal, cull, line / d, d);
         if (form > 0)
-            sum += light.intensity.rgb * (form * CHIARO_SAMPLE_SHADOW(i, point, normal));
+            form *= chiaro_light_window(light, line / d, d);
     }
-    return sum;
+    return form > 0 ? light.intensity.rgb * (form * CHIARO_SAMPLE_SHADOW(number, point, normal)) : vec3(0);
 }
 
 #endif
 
 #ifdef CHIARO_OBJECT_SET
 
-layout(std430, set = CHIARO_OBJECT_SET, binding = 0) readonly buffer ChiaroObjects
+layout(set = CHIARO_OBJECT_SET, binding = 0) uniform usamplerBuffer chiaro_objects; /* four texels each: ChiaroGpuObject */
+/* ChiaroGpuCubes, two texels, and the scales. A slot holds two cubes, what was shown before and what was painted last; its
+ * scales are their shares, which add up to what decoded colours are multiplied with. Cubes are plain words, not an image:
+ * that takes no optional feature (imageCubeArray), no limit on layers, no rims of copied texels, and gives the same bits on
+ * every device. */
+layout(set = CHIARO_OBJECT_SET, binding = 1) uniform usamplerBuffer chiaro_scales;
+layout(set = CHIARO_OBJECT_SET, binding = 2) uniform usamplerBuffer chiaro_cubes;
+
+ChiaroGpuObject chiaro_object(uint id)
 {
-    ChiaroGpuObject chiaro_objects[];
-};
-/* A slot holds two cubes, what was shown before and what was painted last; its scales are their shares, which add up to
- * what decoded colours are multiplied with. Cubes are plain words, not an image: that takes no optional feature
- * (imageCubeArray), no limit on layers, no rims of copied texels, and gives the same bits on every device. */
-layout(std430, set = CHIARO_OBJECT_SET, binding = 1) readonly buffer ChiaroScales
-{
-    ChiaroGpuCubes chiaro_cube_info;
-    vec2 chiaro_scales[];
-};
-layout(std430, set = CHIARO_OBJECT_SET, binding = 2) readonly buffer ChiaroCubes
-{
-    uint chiaro_cubes[];
-};
+    int first = 4 * int(id);
+    return ChiaroGpuObject(uintBitsToFloat(texelFetch(chiaro_objects, first)),
+                           uintBitsToFloat(texelFetch(chiaro_objects, first + 1)),
+                           uintBitsToFloat(texelFetch(chiaro_objects, first + 2)), texelFetch(chiaro_objects, first + 3));
+}
 
 /* Number of the texel that a place on the cube from -1 to 1 lies in. Twin of chiaro_cube_texel in src/core/cube.h. */
 uint chiaro_cube_texel(vec3 p, uint edge)
@@ -400,12 +391,12 @@ ChiaroCubeTaps chiaro_cube_taps(vec3 direction, uint edge)
 /* A texel of a cube that begins at a word. */
 vec3 chiaro_cube_color(uint first, uint texel)
 {
-    uint format = chiaro_cube_info.shape.y;
-    if (format == CHIARO_GPU_CUBE_HALF) {
-        uint place = first + 2 * texel;
-        return vec3(unpackHalf2x16(chiaro_cubes[place]), unpackHalf2x16(chiaro_cubes[place + 1]).x);
-    }
-    uint word = chiaro_cubes[first + texel];
+    uint format = texelFetch(chiaro_scales, 0).y;
+    bool half_floats = format == CHIARO_GPU_CUBE_HALF;
+    int place = int(first + (half_floats ? 2 * texel : texel));
+    uint word = texelFetch(chiaro_cubes, place).x;
+    if (half_floats)
+        return vec3(unpackHalf2x16(word), unpackHalf2x16(texelFetch(chiaro_cubes, place + 1).x).x);
     if (format == CHIARO_GPU_CUBE_UNORM8)
         return unpackUnorm4x8(word).rgb;
     return vec3(word & 511u, word >> 9 & 511u, word >> 18 & 511u) * uintBitsToFloat(((word >> 27) + 103u) << 23);
@@ -423,12 +414,13 @@ vec3 chiaro_cube_mix(uint first, ChiaroCubeTaps taps)
  * from the cube that was shown before. May be a little below zero. */
 vec3 chiaro_cube_irradiance(uint slot, vec3 direction)
 {
-    ChiaroCubeTaps taps = chiaro_cube_taps(direction, chiaro_cube_info.shape.x);
-    uint words = chiaro_cube_info.shape.z, first = 2 * slot * words;
-    vec2 scales = chiaro_scales[slot];
-    vec3 sum = scales.y * chiaro_cube_mix(first + words, taps);
-    if (scales.x > 0)
-        sum += scales.x * chiaro_cube_mix(first, taps);
+    ChiaroCubeTaps taps = chiaro_cube_taps(direction, texelFetch(chiaro_scales, 0).x);
+    uint words = texelFetch(chiaro_scales, 1).x, first = 2 * slot * words;
+    vec2 scales = uintBitsToFloat(texelFetch(chiaro_scales, int(2 + slot)).xy);
+    vec3 sum = vec3(0);
+    /* A loop, because processors that run several vertices in step leave it when none of them needs it any more. */
+    for (uint cube = scales.x > 0 ? 0 : 1; cube < 2; cube++)
+        sum += (cube == 0 ? scales.x : scales.y) * chiaro_cube_mix(first + cube * words, taps);
     return chiaro_pi * sum;
 }
 
@@ -446,22 +438,33 @@ vec3 chiaro_object_point(ChiaroGpuObject object, vec3 p)
 vec3 chiaro_object_irradiance(ChiaroGpuObject object, vec3 cavity, vec3 bent, uvec4 parts, vec4 weights)
 {
     vec3 direction = chiaro_object_direction(object, bent), sum = vec3(0);
-    for (uint k = 0; k < 4; k++)
-        if (weights[k] > 0)
-            sum += weights[k] * chiaro_cube_irradiance(object.info.x + parts[k], direction);
+    uint count = weights.w > 0 ? 4 : weights.z > 0 ? 3 : weights.y > 0 ? 2 : 1;
+    for (uint k = 0; k < count; k++)
+        sum += weights[k] * chiaro_cube_irradiance(object.info.x + parts[k], direction);
     return max(cavity * sum, vec3(0));
 }
 
-/* ChiaroWorldBlocker, word by word. */
-layout(std430, set = CHIARO_OBJECT_SET, binding = 3) readonly buffer ChiaroBlockers
+layout(set = CHIARO_OBJECT_SET, binding = 3) uniform usamplerBuffer chiaro_blockers; /* ChiaroWorldBlocker, in words */
+/* The two grids, near and far, and their words: the same buffer. */
+layout(set = CHIARO_OBJECT_SET, binding = 4) uniform usamplerBuffer chiaro_cells;
+layout(set = CHIARO_OBJECT_SET, binding = 5) uniform usamplerBuffer chiaro_grids;
+const int chiaro_near_grid = 0, chiaro_far_grid = 4;
+
+uint chiaro_blocker_word(uint word)
 {
-    uint chiaro_blockers[];
-};
-layout(std430, set = CHIARO_OBJECT_SET, binding = 4) readonly buffer ChiaroCells
+    return texelFetch(chiaro_blockers, int(word)).x;
+}
+
+uint chiaro_cell_word(uint word)
 {
-    ChiaroGpuGrid chiaro_near_grid, chiaro_far_grid;
-    uint chiaro_cells[];
-};
+    return texelFetch(chiaro_cells, 32 + int(word)).x;
+}
+
+ChiaroGpuGrid chiaro_grid(int first)
+{
+    return ChiaroGpuGrid(uintBitsToFloat(texelFetch(chiaro_grids, first)), texelFetch(chiaro_grids, first + 1),
+                         uintBitsToFloat(texelFetch(chiaro_grids, first + 2)), texelFetch(chiaro_grids, first + 3));
+}
 
 /* Form factor of a sphere. Twin of chiaro_sphere_form. */
 float chiaro_sphere_form(vec3 way, vec3 normal, float radius)
@@ -513,7 +516,7 @@ float chiaro_blocker_window(vec3 way, float reach)
 
 vec3 chiaro_blocker_vector(uint word)
 {
-    return uintBitsToFloat(uvec3(chiaro_blockers[word], chiaro_blockers[word + 1], chiaro_blockers[word + 2]));
+    return uintBitsToFloat(uvec3(chiaro_blocker_word(word), chiaro_blocker_word(word + 1), chiaro_blocker_word(word + 2)));
 }
 
 /* What a ball shines with against a way from the receiver. */
@@ -552,7 +555,7 @@ uint chiaro_find_cell(ChiaroGpuGrid grid, vec3 point, out vec3 corner)
     bool within = all(greaterThanEqual(place, vec3(0))) && all(lessThan(place, limit));
     uvec3 cell = uvec3(within ? place : vec3(0));
     corner = grid.low.xyz + grid.range.x * vec3(cell);
-    uint word = chiaro_cells[grid.first.x + cell.x + grid.count.x * (cell.y + grid.count.y * cell.z)];
+    uint word = chiaro_cell_word(grid.first.x + cell.x + grid.count.x * (cell.y + grid.count.y * cell.z));
     return within ? word : 0;
 }
 
@@ -563,8 +566,8 @@ float chiaro_sum_pieces(uint entry, uint end, bool far, vec3 point, vec3 normal,
     vec3 given = vec3(0), emitted = vec3(0), radiance;
     uint last = ~0u;
     for (; entry < end; entry++) {
-        uint first = CHIARO_BLOCKER_WORDS * chiaro_cells[entry];
-        uint object = chiaro_blockers[first + CHIARO_BLOCKER_OBJECT];
+        uint first = CHIARO_BLOCKER_WORDS * chiaro_cell_word(entry);
+        uint object = chiaro_blocker_word(first + CHIARO_BLOCKER_OBJECT);
         if (object != last) {
             open *= chiaro_take_object(sum, given, emitted, bounce);
             sum = 0;
@@ -572,7 +575,7 @@ float chiaro_sum_pieces(uint entry, uint end, bool far, vec3 point, vec3 normal,
             last = object;
         }
         vec3 way = chiaro_blocker_vector(first) - point;
-        float radius = uintBitsToFloat(chiaro_blockers[first + CHIARO_BLOCKER_RADIUS]);
+        float radius = uintBitsToFloat(chiaro_blocker_word(first + CHIARO_BLOCKER_RADIUS));
         float form = chiaro_blocker_form(first, way, normal, radius, radiance);
         float share = chiaro_blocker_window(way, CHIARO_NEAR * radius);
         form *= far ? chiaro_blocker_window(way, CHIARO_REACH * radius) - share : share;
@@ -586,7 +589,7 @@ float chiaro_sum_pieces(uint entry, uint end, bool far, vec3 point, vec3 normal,
 /* Indirect irradiance of a vertex of an object: its number in the world, and what its bake says. */
 vec3 chiaro_indirect(uint id, vec3 cavity, vec3 bent, uvec4 parts, vec4 weights)
 {
-    return chiaro_object_irradiance(chiaro_objects[id], cavity, bent, parts, weights);
+    return chiaro_object_irradiance(chiaro_object(id), cavity, bent, parts, weights);
 }
 
 /* What objects do to a point of a static surface: irradiance' = open * irradiance + bounce. This is the part of what is
@@ -595,15 +598,16 @@ vec3 chiaro_indirect(uint id, vec3 cavity, vec3 bent, uvec4 parts, vec4 weights)
 float chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, out vec3 bounce, out vec4 shine)
 {
     vec3 corner;
-    uint word = chiaro_find_cell(chiaro_far_grid, point, corner);
-    uint entry = chiaro_far_grid.first.y + (word & 0xfffffu), balls = entry + (word >> 20 & 63u);
+    ChiaroGpuGrid grid = chiaro_grid(chiaro_far_grid);
+    uint word = chiaro_find_cell(grid, point, corner);
+    uint entry = grid.first.y + (word & 0xfffffu), balls = entry + (word >> 20 & 63u);
     float open = 1;
     bounce = vec3(0);
     shine = vec4(0);
     for (; entry < balls; entry++) {
-        uint first = CHIARO_BLOCKER_WORDS * chiaro_cells[entry];
+        uint first = CHIARO_BLOCKER_WORDS * chiaro_cell_word(entry);
         vec3 way = chiaro_blocker_vector(first) - point, radiance = chiaro_ball_shine(first, way);
-        float radius = uintBitsToFloat(chiaro_blockers[first + CHIARO_BLOCKER_RADIUS]);
+        float radius = uintBitsToFloat(chiaro_blocker_word(first + CHIARO_BLOCKER_RADIUS));
         float form = chiaro_sphere_form(way, normal, radius), all = chiaro_blocker_window(way, CHIARO_REACH * radius);
         float share = all - chiaro_blocker_window(way, CHIARO_NEAR * radius);
         open *= chiaro_take_object(share * form, share * form * radiance, vec3(0), bounce);
@@ -620,17 +624,18 @@ float chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, out vec3 bounce, 
 vec3 chiaro_blocked_near(bool pieces, vec3 point, vec3 normal, vec3 irradiance, vec4 shine)
 {
     vec3 corner, bounce = vec3(0), radiance = shine.rgb / max(shine.w, 1e-20);
-    uint word = chiaro_find_cell(chiaro_near_grid, point, corner);
-    uint entry = chiaro_near_grid.first.y + (word & 0xfffffu), balls = entry + 2 * (word >> 20 & 63u);
+    ChiaroGpuGrid grid = chiaro_grid(chiaro_near_grid);
+    uint word = chiaro_find_cell(grid, point, corner);
+    uint entry = grid.first.y + (word & 0xfffffu), balls = entry + 2 * (word >> 20 & 63u);
     float open = 1;
     corner -= point;
     do {
         bool valid = entry < balls;
-        uint at = valid ? entry : chiaro_near_grid.first.y;
-        vec2 xy = unpackSnorm2x16(chiaro_cells[at]);
-        uint more = chiaro_cells[at + 1];
-        vec3 way = corner + chiaro_near_grid.range.y * vec3(xy, unpackSnorm2x16(more).x);
-        float root = unpackUnorm2x16(more).y, radius = chiaro_near_grid.range.z * root * root;
+        uint at = valid ? entry : grid.first.y;
+        vec2 xy = unpackSnorm2x16(chiaro_cell_word(at));
+        uint more = chiaro_cell_word(at + 1);
+        vec3 way = corner + grid.range.y * vec3(xy, unpackSnorm2x16(more).x);
+        float root = unpackUnorm2x16(more).y, radius = grid.range.z * root * root;
         float form = chiaro_sphere_form(way, normal, radius) * chiaro_blocker_window(way, CHIARO_NEAR * radius);
         form = valid ? form : 0;
         open *= chiaro_take_object(form, form * radiance, vec3(0), bounce);

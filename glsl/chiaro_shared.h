@@ -6,8 +6,6 @@
 #define CHIARO_BLOCK_ROWS 192
 #define CHIARO_BLOCK_NODES 512
 #define CHIARO_BLOCK_RANK 16
-/* Parts that the sum of a pattern is cut into, each for an invocation of its own. */
-#define CHIARO_BLOCK_PARTS 8
 
 /* Nodes are summed in two passes: those of at most this many leaves from their leaves, the larger ones from those. */
 #define CHIARO_SMALL_NODE 64u
@@ -18,8 +16,9 @@
 #define CHIARO_FAR_LIGHT 12.0f
 #define CHIARO_FAR_MOMENT 0.785398163397448310f
 
-/* Invocations of a compute work group. */
+/* Invocations of a compute work group; of one that collects patterns: those are dear, and slices count groups. */
 #define CHIARO_GROUP_SIZE 64
+#define CHIARO_TASK_GROUP_SIZE 16
 
 /* The filmic curve x (A x + B) / (x (C x + D) + E): Krzysztof Narkowicz, "ACES Filmic Tone Mapping Curve", 2016. */
 #define CHIARO_TONE_A 2.51
@@ -153,22 +152,14 @@ CHIARO_STRUCT(ChiaroComputePush)
 {
     CHIARO_UVEC4(range); /* first thing to do and the end of all, first value of the half that is read, and of that written;
                             blending: steps that are left, this one included */
-    CHIARO_UVEC4(more);  /* number of samples, number of leaves, 1: irradiance is one that comes; unused */
-};
-
-/* ChiaroBlock as the passes see it. */
-CHIARO_STRUCT(ChiaroGpuBlock)
-{
-    CHIARO_UVEC4(rows);    /* first row, rows, first node, nodes */
-    CHIARO_UVEC4(weights); /* first weight, first share, rank, channels */
+    CHIARO_UVEC4(more);  /* bouncing: number of samples. Receiving: first row, 1: irradiance is one that comes; unused */
 };
 
 /* What the passes need of a sample. */
 CHIARO_STRUCT(ChiaroGpuSample)
 {
-    CHIARO_VEC4(albedo);
-    CHIARO_VEC4(emission);
-    CHIARO_UVEC4(points); /* first, count; unused */
+    CHIARO_VEC4(albedo);   /* w: first point; exact, being below 2^24 */
+    CHIARO_VEC4(emission); /* w: points */
 };
 
 #endif

@@ -3,9 +3,6 @@
 #if defined(CHIARO_OBJECT) || defined(CHIARO_BLOCKED)
 #define CHIARO_OBJECT_SET 3
 #endif
-#if defined(CHIARO_GI) && !defined(CHIARO_OBJECT)
-#define CHIARO_INDIRECT_SET 1
-#endif
 #include "chiaro.glsl"
 
 layout(push_constant) uniform Push
@@ -23,7 +20,7 @@ layout(location = 6) in vec3 bent;
 layout(location = 7) in uvec4 parts;
 layout(location = 8) in vec4 weights;
 #elif defined(CHIARO_GI)
-layout(location = 5) in uint receiver;
+layout(location = 5) in vec3 irradiance;
 #endif
 
 layout(location = 0) out vec3 v_offset; /* from the eye */
@@ -41,7 +38,7 @@ void main()
     vec3 place = position;
     v_normal = normal;
 #ifdef CHIARO_OBJECT
-    ChiaroGpuObject object = chiaro_objects[gl_InstanceIndex];
+    ChiaroGpuObject object = chiaro_object(gl_InstanceIndex);
     place = chiaro_object_point(object, position);
     v_normal = normalize(chiaro_object_direction(object, normal));
 #endif
@@ -54,7 +51,7 @@ void main()
     vec3 way = (push.flags.z & CHIARO_GPU_WITHOUT_BENT_NORMALS) != 0 ? normal : bent;
     v_irradiance = chiaro_indirect(gl_InstanceIndex, shade, way, parts, weights);
 #elif defined(CHIARO_GI)
-    v_irradiance = chiaro_indirect(receiver);
+    v_irradiance = irradiance;
 #ifdef CHIARO_BLOCKED
     vec3 bounce;
     float open = chiaro_blocked_far(pieces, place, v_normal, bounce, v_shine);

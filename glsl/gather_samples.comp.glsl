@@ -1,26 +1,18 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-/* All bounces at the samples: direct radiosity + albedo * irradiance by full-transport links. The sky's leaves, whose work
- * groups follow the blocks', are carried over as they are. */
+/* All bounces at the samples: direct radiosity + albedo * irradiance by full-transport links. The sky's leaves, which
+ * follow, are carried over as they are. */
 #include "chiaro.glsl"
 #include "gi.glsl"
-#define NODES sample_nodes
-#define WEIGHTS sample_weights
 #include "gather.glsl"
 
 void main()
 {
-    uint group = push.range.x + gl_WorkGroupID.x, lane = gl_LocalInvocationIndex, source = push.range.z, target = push.range.w;
-    if (group >= push.range.y) {
-        uint leaf = push.more.x + (group - push.range.y) * CHIARO_GROUP_SIZE + lane;
-        if (leaf < push.more.y)
-            values[target + leaf] = values[source + leaf];
+    uint id = chiaro_invocation();
+    if (id >= push.range.y)
         return;
-    }
-    ChiaroGpuBlock block = sample_blocks[group];
-    chiaro_gather_patterns(block, source);
-    for (uint row = lane; row < block.rows.y; row += CHIARO_GROUP_SIZE) {
-        uint s = block.rows.x + row;
-        values[target + s] = vec4(values[source + s].rgb + samples[s].albedo.rgb * chiaro_gather_row(block, row), 0);
-    }
+    vec3 direct = texelFetch(values, int(push.range.z + id)).rgb, bounced = vec3(0);
+    if (id < push.more.x)
+        bounced = texelFetch(samples, int(2 * id)).rgb * chiaro_gather_row(id);
+    new_values[push.range.w + id] = vec4(direct + bounced, 0);
 }

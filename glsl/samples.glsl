@@ -16,16 +16,20 @@
 
 void main()
 {
-    uint id = push.range.x + gl_GlobalInvocationID.x;
+    uint id = chiaro_invocation();
     if (id >= push.range.y)
         return;
-    ChiaroGpuSample s = samples[id];
+    vec4 albedo = texelFetch(samples, int(2 * id)), emission = texelFetch(samples, int(2 * id + 1));
     vec3 sum = vec3(0);
 #ifdef CHIARO_LIT
-    for (uint p = s.points.x; p < s.points.x + s.points.y; p++) {
-        vec4 position = points[2 * p], normal = points[2 * p + 1];
-        sum += chiaro_point_irradiance(position.xyz, position.w, normal.xyz) * normal.w;
+    int first = 2 * int(albedo.w), end = first + 2 * int(emission.w);
+    for (uint i = 0; i < chiaro_light_count.y; i++) {
+        ChiaroGpuLight light = chiaro_lights[i];
+        for (int p = first; p < end; p += 2) {
+            vec4 position = texelFetch(points, p), normal = texelFetch(points, p + 1);
+            sum += chiaro_point_irradiance(i, light, position.xyz, position.w, normal.xyz) * normal.w;
+        }
     }
 #endif
-    values[id] = vec4(s.emission.rgb + s.albedo.rgb * sum, 0);
+    new_values[id] = vec4(emission.rgb + albedo.rgb * sum, 0);
 }

@@ -7,17 +7,16 @@
 
 void main()
 {
-    uint node = push.range.x + gl_GlobalInvocationID.x;
+    uint node = chiaro_invocation();
     if (node >= push.range.y)
         return;
-    uvec2 source = sources[node];
-    uint first = push.range.z + source.x;
+    ivec2 source = ivec2(texelFetch(sources, int(node)).xy);
     vec3 sum = vec3(0);
     float weight = 0;
-    for (uint k = 0; k < source.y; k++) {
-        float w = weights[source.x + k];
-        sum += values[first + k].rgb * w;
+    for (int k = source.x; k < source.x + source.y; k++) {
+        float w = texelFetch(areas, k).x;
+        sum += texelFetch(values, int(push.range.z) + k).rgb * w;
         weight += w;
     }
-    values[push.range.z + node] = vec4(weight > 0 ? sum / weight : sum, 0);
+    new_values[push.range.z + node] = vec4(weight > 0 ? sum / weight : sum, 0);
 }

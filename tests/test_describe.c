@@ -274,10 +274,10 @@ static void assert_alive(uint32_t buffers, uint32_t images, uint32_t pipelines, 
                  alive.images, alive.pipelines, alive.sets, buffers, images, pipelines, sets);
 }
 
-/* Buffers: the drawn mesh 2, the mesh of shadows 2, the transport 13 (samples, points, weights, sources, values, 3 + 3 of
- * links, irradiance, receivers of vertices), lights 1. Sets: transport 1, irradiance 1, lights 1. Compute pipelines: samples,
- * tree, two gathers; dispatches: samples, tree twice two halves, two gathers. */
-enum { MESH = 4, TRANSPORT = 13, GI_PIPELINES = 4, GI_DISPATCHES = 7 };
+/* Buffers: the drawn mesh 2, the mesh of shadows 2, the transport 11 (samples, points, areas, sources, values, 4 of links,
+ * patterns, irradiance), lights 1. Sets: transport 1, irradiance 1, lights 1. Compute pipelines:
+ * samples, tree, patterns, two gathers; dispatches: samples, tree twice two halves, twice patterns and their gather. */
+enum { MESH = 4, TRANSPORT = 11, GI_PIPELINES = 5, GI_DISPATCHES = 9 };
 
 static void an_empty_scene_has_nothing(void **state)
 {

@@ -9,7 +9,8 @@
  * exit, keep global state, link the Vulkan loader, or allocate in update() and draw().
  *
  * Needs: Vulkan 1.1; a queue with graphics and compute that all our commands go to; depth format D32_SFLOAT that can be
- * sampled. No optional feature, no extension. VK_KHR_dynamic_rendering (or Vulkan 1.3) only if the host draws with it.
+ * sampled; maxTexelBufferElements as large as the scene (a bake of 20 MB of links: 1.3 million; desktops and lavapipe offer
+ * 2^27). No optional feature, no extension. VK_KHR_dynamic_rendering (or Vulkan 1.3) only if the host draws with it.
  *
  * A frame:
  *     lights_set(), sky_set(), settings_set()            when something changed; may allocate

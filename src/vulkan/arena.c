@@ -58,6 +58,7 @@ static void destroy_handle(ChiaroVulkan *context, VkObjectType type, uint64_t ha
 #define X(TYPE, Name)                                                                                                  \
     case VK_OBJECT_TYPE_##TYPE: vk->Destroy##Name(device, (Vk##Name)handle, callbacks); break;
         X(BUFFER, Buffer)
+        X(BUFFER_VIEW, BufferView)
         X(IMAGE, Image)
         X(IMAGE_VIEW, ImageView)
         X(SAMPLER, Sampler)

@@ -1,4 +1,5 @@
-/* Bounce light: direct light at samples -> tree -> all bounces at samples -> tree -> irradiance at receivers.
+/* Bounce light: direct light at samples -> tree -> all bounces at samples -> tree -> irradiance at receivers. What links
+ * carry takes two stages: blocks of them collect patterns, rows share those.
  *
  * A pass goes through these stages, whole in one update or in slices that the kernel deals out. Where it is sliced,
  * receivers get their new light in a buffer of its own, and what is shown goes over to it in as many frames as the pass
@@ -8,40 +9,59 @@
  */
 #include "context.h"
 
-enum { STAGE_IDLE, STAGE_SAMPLES, STAGE_SMALL, STAGE_LARGE, STAGE_BOUNCES, STAGE_SMALL_AGAIN, STAGE_LARGE_AGAIN,
-       STAGE_RECEIVERS, STAGE_END };
+enum { STAGE_IDLE, STAGE_SAMPLES, STAGE_SMALL, STAGE_LARGE, STAGE_SAMPLE_PATTERNS, STAGE_BOUNCES, STAGE_SMALL_AGAIN,
+       STAGE_LARGE_AGAIN, STAGE_PATTERNS, STAGE_RECEIVERS, STAGE_END };
 
 /* Multiply-adds of a point and a light: a shadow test, the form of a square. */
 enum { MADDS_A_LIGHT = 200 };
-
-_Static_assert(STAGE_END <= (int)CHIARO_MAX_KERNEL_KINDS, "a kind each");
+/* Of four weights and three channels. */
+enum { MADDS_A_FOUR = 12 };
 
 /* ---- what a stage is ---------------------------------------------------------------------------------------------- */
 
-static uint32_t groups_of(uint32_t count) { return (count + CHIARO_GROUP_SIZE - 1) / CHIARO_GROUP_SIZE; }
+static uint32_t groups_of(uint32_t count, uint32_t size) { return (count + size - 1) / size; }
+
+static uint32_t group_size(uint32_t stage)
+{
+    bool collects = stage == STAGE_SAMPLE_PATTERNS || stage == STAGE_PATTERNS;
+    return collects ? CHIARO_TASK_GROUP_SIZE : CHIARO_GROUP_SIZE;
+}
 
 /* A stage whose idea has been taken out. */
 static bool is_out(const ChiaroVulkan *context, uint32_t stage)
 {
-    return chiaro_vulkan_without(context, stage < STAGE_RECEIVERS ? CHIARO_WITHOUT_BOUNCES : CHIARO_WITHOUT_LINKS) &&
-           stage >= STAGE_BOUNCES;
+    return chiaro_vulkan_without(context, stage < STAGE_PATTERNS ? CHIARO_WITHOUT_BOUNCES : CHIARO_WITHOUT_LINKS) &&
+           stage >= STAGE_SAMPLE_PATTERNS;
+}
+
+static const LinkRun *links_of(const ChiaroVulkan *context, uint32_t stage)
+{
+    return stage < STAGE_PATTERNS ? &context->scene.sample_links : &context->scene.receiver_links;
+}
+
+/* The things of a stage, one an invocation: [first, end). */
+static void stage_range(const ChiaroVulkan *context, uint32_t stage, uint32_t *first, uint32_t *end)
+{
+    const ChiaroTransport *t = &context->scene.transport;
+    *first = 0;
+    switch (stage) {
+    case STAGE_SAMPLES: *end = t->sample_count; break;
+    case STAGE_SMALL:
+    case STAGE_SMALL_AGAIN: *first = t->leaf_count, *end = t->small_node_end; break;
+    case STAGE_LARGE:
+    case STAGE_LARGE_AGAIN: *first = t->small_node_end, *end = t->node_count; break;
+    case STAGE_BOUNCES: *end = t->leaf_count; break; /* the sky's are copied */
+    case STAGE_RECEIVERS: *end = context->scene.irradiance_count; break;
+    default: *first = links_of(context, stage)->first_task, *end = *first + links_of(context, stage)->task_count;
+    }
 }
 
 /* What is counted in a stage: work groups. */
 static uint32_t stage_groups(const ChiaroVulkan *context, uint32_t stage)
 {
-    const ChiaroTransport *t = &context->scene.transport;
-    if (is_out(context, stage))
-        return 0;
-    switch (stage) {
-    case STAGE_SAMPLES: return groups_of(t->sample_count);
-    case STAGE_SMALL:
-    case STAGE_SMALL_AGAIN: return groups_of(t->small_node_end - t->leaf_count);
-    case STAGE_LARGE:
-    case STAGE_LARGE_AGAIN: return groups_of(t->node_count - t->small_node_end);
-    case STAGE_BOUNCES: return t->sample_links.block_count + groups_of(t->sky_count);
-    default: return t->receiver_links.block_count;
-    }
+    uint32_t first, end;
+    stage_range(context, stage, &first, &end);
+    return is_out(context, stage) ? 0 : groups_of(end - first, group_size(stage));
 }
 
 /* Multiply-adds of a work group, on average. */
@@ -51,8 +71,10 @@ static uint64_t group_cost(const ChiaroVulkan *context, uint32_t stage)
     uint64_t groups = stage_groups(context, stage), all;
     switch (stage) {
     case STAGE_SAMPLES: all = (uint64_t)t->point_count * chiaro_vulkan_lights(context) * MADDS_A_LIGHT; break;
-    case STAGE_BOUNCES: all = 3 * (uint64_t)t->sample_links.weight_count; break;
-    case STAGE_RECEIVERS: all = 3 * (uint64_t)t->receiver_links.weight_count; break;
+    case STAGE_SAMPLE_PATTERNS:
+    case STAGE_PATTERNS: all = MADDS_A_FOUR * links_of(context, stage)->collecting; break;
+    case STAGE_BOUNCES:
+    case STAGE_RECEIVERS: all = MADDS_A_FOUR * links_of(context, stage)->sharing; break;
     default: all = groups * CHIARO_GROUP_SIZE * CHIARO_SMALL_NODE;
     }
     return groups ? (all + groups - 1) / groups : 0;
@@ -98,33 +120,26 @@ static void record_stage(ChiaroVulkan *context, VkCommandBuffer commands, const 
                          uint32_t first, uint32_t groups)
 {
     const ChiaroTransport *t = &context->scene.transport;
-    ChiaroComputePush push = {.range = {first}};
-    uint32_t pass = GI_TREE, half = stage < STAGE_SMALL_AGAIN ? 0 : t->node_count, nodes_end = t->node_count;
+    uint32_t pass = GI_TREE, again = t->node_count; /* the half that holds all light */
+    ChiaroComputePush push = {.range = {0, 0, stage < STAGE_SMALL_AGAIN ? 0 : again, 0}};
+    stage_range(context, stage, &push.range[0], &push.range[1]);
+    push.range[0] += first * group_size(stage);
     switch (stage) {
-    case STAGE_SAMPLES:
-        pass = chiaro_vulkan_lights(context) > 0 ? GI_SAMPLES_LIT : GI_SAMPLES_DARK;
-        push.range[0] = first * CHIARO_GROUP_SIZE;
-        push.range[1] = t->sample_count;
-        break;
+    case STAGE_SAMPLES: pass = chiaro_vulkan_lights(context) > 0 ? GI_SAMPLES_LIT : GI_SAMPLES_DARK; break;
+    case STAGE_PATTERNS:
+        push.range[2] = chiaro_vulkan_without(context, CHIARO_WITHOUT_BOUNCES) ? 0 : again; /* fall through */
+    case STAGE_SAMPLE_PATTERNS: pass = links_of(context, stage)->colored ? GI_PATTERNS_COLORED : GI_PATTERNS; break;
     case STAGE_BOUNCES:
         pass = GI_GATHER_SAMPLES;
-        push.range[1] = t->sample_links.block_count;
-        push.range[3] = t->node_count;
+        push.range[3] = again;
         push.more[0] = t->sample_count;
-        push.more[1] = t->leaf_count;
         break;
     case STAGE_RECEIVERS:
         pass = GI_GATHER_RECEIVERS;
-        push.range[2] = chiaro_vulkan_without(context, CHIARO_WITHOUT_BOUNCES) ? 0 : t->node_count;
-        push.more[2] = context->bounce.sliced;
+        push.more[0] = links_of(context, stage)->first_row;
+        push.more[1] = context->bounce.sliced;
         break;
-    default: {
-        bool small = stage == STAGE_SMALL || stage == STAGE_SMALL_AGAIN;
-        nodes_end = small ? t->small_node_end : t->node_count;
-        push.range[0] = (small ? t->leaf_count : t->small_node_end) + first * CHIARO_GROUP_SIZE;
-        push.range[1] = nodes_end;
-        push.range[2] = half;
-    }
+    default: break;
     }
     dispatch(context, commands, info, pass, groups, &push);
 }
@@ -133,9 +148,9 @@ static void record_stage(ChiaroVulkan *context, VkCommandBuffer commands, const 
 static void record_blend(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroVulkanUpdate *info)
 {
     BounceState *state = &context->bounce;
-    uint32_t receivers = context->scene.transport.receiver_count;
-    ChiaroComputePush push = {.range = {0, receivers, state->fade_left}};
-    dispatch(context, commands, info, GI_BLEND, groups_of(receivers), &push);
+    uint32_t count = context->scene.irradiance_count;
+    ChiaroComputePush push = {.range = {0, count, state->fade_left}};
+    dispatch(context, commands, info, GI_BLEND, groups_of(count, CHIARO_GROUP_SIZE), &push);
     state->fade_left--;
 }
 
@@ -169,7 +184,7 @@ static void ask_for_stage(ChiaroVulkan *context, uint32_t slice)
 {
     BounceState *state = &context->bounce;
     uint32_t left = stage_groups(context, state->stage) - state->cursor;
-    chiaro_kernel_due(state->kernel, 0, state->stage, 1, units_of(context, state->stage, left), slice);
+    chiaro_kernel_due(state->kernel, 0, 0, 1, units_of(context, state->stage, left), slice);
 }
 
 static void begin_pass(ChiaroVulkan *context, uint32_t limit)

@@ -6,6 +6,7 @@
  *   shaders.c    shaders, unpacked
  *   pipelines.c  layouts, pipelines, each made when first needed
  *   scene.c      mesh, materials, textures, baked transport -> device
+ *   links.c      links, in the order in which the device reads them
  *   lights.c     lights, shadow views and maps
  *   sky.c        the sky behind the picture, in the leaves of the tree, and its sun
  *   objects.c    what moves: its places, its cubes, what it does to the static world
@@ -28,11 +29,12 @@
     X(CmdBindDescriptorSets) X(CmdBindIndexBuffer) X(CmdBindPipeline) X(CmdBindVertexBuffers) X(CmdCopyBuffer)         \
     X(CmdCopyBufferToImage) X(CmdDispatch) X(CmdDraw) X(CmdDrawIndexed) X(CmdEndRenderPass) X(CmdFillBuffer)           \
     X(CmdPipelineBarrier)                                                                                              \
-    X(CmdPushConstants) X(CmdSetScissor) X(CmdSetViewport) X(CmdUpdateBuffer) X(CreateBuffer)                          \
+    X(CmdPushConstants) X(CmdSetScissor) X(CmdSetViewport) X(CmdUpdateBuffer) X(CreateBuffer) X(CreateBufferView)      \
     X(CreateComputePipelines) X(CreateDescriptorPool) X(CreateDescriptorSetLayout) X(CreateFramebuffer)                \
     X(CreateGraphicsPipelines) X(CreateImage) X(CreateImageView) X(CreatePipelineLayout) X(CreateRenderPass)           \
-    X(CreateSampler) X(CreateShaderModule) X(DestroyBuffer) X(DestroyDescriptorPool) X(DestroyDescriptorSetLayout)     \
-    X(DestroyFramebuffer) X(DestroyImage) X(DestroyImageView) X(DestroyPipeline) X(DestroyPipelineLayout)              \
+    X(CreateSampler) X(CreateShaderModule) X(DestroyBuffer) X(DestroyBufferView) X(DestroyDescriptorPool)              \
+    X(DestroyDescriptorSetLayout) X(DestroyFramebuffer) X(DestroyImage) X(DestroyImageView) X(DestroyPipeline)         \
+    X(DestroyPipelineLayout)                                                                                           \
     X(DestroyRenderPass) X(DestroySampler) X(DestroyShaderModule) X(FreeMemory) X(GetBufferMemoryRequirements)         \
     X(GetImageMemoryRequirements) X(MapMemory) X(UpdateDescriptorSets)
 
@@ -115,6 +117,9 @@ VkShaderModule chiaro_shader_create(ChiaroVulkan *context, Arena *arena, uint32_
 /* The same of any words; `size` in bytes. */
 VkShaderModule chiaro_shader_module(ChiaroVulkan *context, Arena *arena, const uint32_t *words, uint64_t size);
 
+/* The set of the bounce light's passes, binding by binding: what they read, as texels, and what they write. */
+enum { GI_TEXELS = 10, GI_BINDINGS = 14 };
+
 /* ---- pipelines.c -------------------------------------------------------------------------------------------------- */
 
 /* Bits of a kind of surface: which forward pipeline draws it. */
@@ -123,7 +128,8 @@ enum { SURFACE_TEXTURED = 1, SURFACE_MASKED = 2, SURFACE_KINDS = 4 };
  * stand in the way, and some of them of more than one piece. */
 enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_SUN = 4, FORWARD_BLOCKED = 8, FORWARD_PIECES = 16, FORWARD_KINDS = 32 };
 enum { FORWARD_OBJECTS = FORWARD_BLOCKED | FORWARD_PIECES };
-enum { GI_SAMPLES_LIT, GI_SAMPLES_DARK, GI_TREE, GI_GATHER_SAMPLES, GI_GATHER_RECEIVERS, GI_BLEND, GI_PASSES };
+enum { GI_SAMPLES_LIT, GI_SAMPLES_DARK, GI_TREE, GI_PATTERNS, GI_PATTERNS_COLORED, GI_GATHER_SAMPLES,
+       GI_GATHER_RECEIVERS, GI_BLEND, GI_PASSES };
 enum { SHADOW_OPAQUE, SHADOW_MASKED, SHADOW_MASKED_TEXTURED, SHADOW_KINDS };
 
 typedef struct Pipeline {
@@ -143,16 +149,42 @@ ChiaroResult chiaro_layouts_create(ChiaroVulkan *context);
 VkSampler chiaro_sampler_create(ChiaroVulkan *context, Arena *arena, VkFilter filter, VkSamplerAddressMode u,
                                 VkSamplerAddressMode v);
 VkDescriptorPool chiaro_pool_create(ChiaroVulkan *context, Arena *arena, uint32_t sets, uint32_t buffers,
-                                    uint32_t images);
+                                    uint32_t images, uint32_t texels);
 VkDescriptorSet chiaro_set_create(ChiaroVulkan *context, Arena *arena, VkDescriptorPool pool,
                                   VkDescriptorSetLayout layout);
 void chiaro_set_buffer(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer);
+/* A buffer as texels, by a view that the arena keeps. */
+void chiaro_set_texels(ChiaroVulkan *context, Arena *arena, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer,
+                       VkFormat format);
 void chiaro_set_image(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, VkImageView view,
                       VkSampler sampler, VkImageLayout layout);
 /* Makes every pipeline that the state of the context asks for and that does not exist yet. */
 ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context);
 /* Lets go of those that settings are compiled into. */
 void chiaro_pipelines_retire_forward(ChiaroVulkan *context);
+
+/* ---- links.c ------------------------------------------------------------------------------------------------------ */
+
+/* Entries of the arrays; weights in fours. */
+typedef struct LinkSizes {
+    uint64_t tasks, rows, nodes, weights;
+} LinkSizes;
+
+typedef struct LinkArrays {
+    uint32_t *tasks, *rows, *nodes;
+    float *weights;
+} LinkArrays;
+
+/* The links of all samples, or of all receivers, in the arrays. */
+typedef struct LinkRun {
+    uint32_t first_task, task_count, first_row, first_node, first_weight;
+    bool colored;                 /* weights a channel */
+    uint64_t collecting, sharing; /* fours of weights of tasks, of rows */
+} LinkRun;
+
+/* Room for links behind what is there. */
+void chiaro_links_lay(const ChiaroLinks *links, LinkSizes *sizes, LinkRun *run);
+void chiaro_links_fill(const ChiaroLinks *links, const LinkRun *run, const LinkArrays *arrays);
 
 /* ---- scene.c ------------------------------------------------------------------------------------------------------ */
 
@@ -170,10 +202,13 @@ typedef struct DrawPart {
 typedef struct SceneState {
     Arena *arena;    /* mesh, textures */
     Arena *gi_arena; /* baked transport */
-    DeviceBuffer vertices, indices, vertex_receivers;        /* what is drawn */
+    DeviceBuffer vertices, indices;                           /* what is drawn */
     DeviceBuffer shadow_vertices, shadow_uvs, shadow_indices; /* what casts shadows: the scene as it was given */
-    DeviceBuffer samples, points, weights, sources, values, sample_blocks, sample_nodes, sample_weights, receiver_blocks,
-        receiver_nodes, receiver_weights, irradiance, coming;
+    DeviceBuffer samples, points, areas, sources, tasks, rows, link_nodes, link_weights, values, patterns, irradiance,
+        coming;
+    LinkRun sample_links, receiver_links;
+    uint32_t irradiance_count; /* receivers, then second vertices of theirs: as many as drawn vertices */
+    uint32_t *places, *drawn;  /* while it is loaded: which of those each vertex of the bake is; indices */
     VkDescriptorSet *texture_sets;
     VkDescriptorSet gi_set, irradiance_set;
     DrawPart *parts; /* sorted by surface */
@@ -238,7 +273,7 @@ void chiaro_sky_release(ChiaroVulkan *context);
 /* ---- objects.c ---------------------------------------------------------------------------------------------------- */
 
 /* Bindings of the set of objects: chiaro.glsl, CHIARO_OBJECT_SET. */
-enum { OBJECT_BINDINGS = 5 };
+enum { OBJECT_BINDINGS = 6 };
 
 /* The runs of draw parts that a mesh is. */
 typedef struct ObjectMesh {

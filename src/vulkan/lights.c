@@ -158,7 +158,7 @@ static ChiaroResult create_maps(ChiaroVulkan *context, uint32_t faces, uint32_t 
                                      layers[i]);
         create_framebuffers(context, arena, images[i], sizes[i], layers[i], framebuffers + (i ? layers[0] : 0));
     }
-    VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, 1, chiaro_vulkan_own_shadows(context) ? 2 : 0);
+    VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, 1, chiaro_vulkan_own_shadows(context) ? 2 : 0, 0);
     VkDescriptorSet set = chiaro_set_create(context, arena, pool, context->layouts.lights);
     if (arena->result != CHIARO_OK) {
         ChiaroResult result = arena->result;

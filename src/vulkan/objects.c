@@ -132,33 +132,37 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
     if (!arena)
         return CHIARO_ERROR_MEMORY;
     const VkBufferUsageFlags copied = VK_BUFFER_USAGE_TRANSFER_DST_BIT;
-    const VkBufferUsageFlags storage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | copied;
+    const VkBufferUsageFlags texels = VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT | copied;
+    const VkFormat word = VK_FORMAT_R32_UINT, fours = VK_FORMAT_R32G32B32A32_UINT;
     const uint64_t capacity = state->capacity, slots = state->slot_count, cells = chiaro_world_cells(state->capacity);
     bool gi = !context->settings.gi_off;
     uint64_t *bytes = &state->bytes;
     struct {
         DeviceBuffer *buffer;
-        uint64_t size;
+        uint64_t size; /* 0: it is there already */
+        VkFormat format;
     } wanted[OBJECT_BINDINGS] = {
-        {&state->instances, capacity * sizeof(ChiaroGpuObject)},
-        {&state->scale_buffer, sizeof(ChiaroGpuCubes) + slots * 2 * sizeof(float)},
-        {&state->cube_buffer, slots * 2 * state->words * sizeof(uint32_t)},
-        {&state->blockers, CHIARO_MAX_OBJECT_BLOCKERS * capacity * sizeof(ChiaroWorldBlocker)},
-        {&state->grid, 2 * sizeof(ChiaroGpuGrid) + cells * (2 + 3 * CHIARO_MAX_CELL_BLOCKERS) * sizeof(uint32_t)},
+        {&state->instances, capacity * sizeof(ChiaroGpuObject), fours},
+        {&state->scale_buffer, sizeof(ChiaroGpuCubes) + slots * 2 * sizeof(float), VK_FORMAT_R32G32_UINT},
+        {&state->cube_buffer, slots * 2 * state->words * sizeof(uint32_t), word},
+        {&state->blockers, CHIARO_MAX_OBJECT_BLOCKERS * capacity * sizeof(ChiaroWorldBlocker), word},
+        {&state->grid, 2 * sizeof(ChiaroGpuGrid) + cells * (2 + 3 * CHIARO_MAX_CELL_BLOCKERS) * sizeof(uint32_t), word},
+        {&state->grid, 0, fours},
     };
     for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
-        *wanted[i].buffer =
-            chiaro_arena_buffer(context, arena, gi || i == 0 ? wanted[i].size : 16, storage, false, bytes);
+        if (wanted[i].size > 0)
+            *wanted[i].buffer =
+                chiaro_arena_buffer(context, arena, gi || i == 0 ? wanted[i].size : 16, texels, false, bytes);
     state->has_gi = gi;
     if (gi && !context->desc.light_only) {
         state->vertices = chiaro_arena_buffer(context, arena, info->scene->vertex_count * sizeof(ChiaroObjectVertex),
                                               VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | copied, false, bytes);
     }
     chiaro_arena_bind(context, arena);
-    VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, OBJECT_BINDINGS, 0);
+    VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, 0, 0, OBJECT_BINDINGS);
     state->set = chiaro_set_create(context, arena, pool, context->layouts.objects);
-    for (uint32_t i = 0; i < OBJECT_BINDINGS && arena->result == CHIARO_OK; i++)
-        chiaro_set_buffer(context, state->set, i, *wanted[i].buffer);
+    for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
+        chiaro_set_texels(context, arena, state->set, i, *wanted[i].buffer, wanted[i].format);
     return arena->result;
 }
 

@@ -1,12 +1,13 @@
 /* Shaders, layouts and pipelines. Each pipeline is made when the state of the context first asks for it: a scene without
  * textures, lights, masks or sky never has a pipeline, a binding or a line of shader for them.
  *
- * Descriptor sets of the forward pass: 0 lights and shadow maps, 1 irradiance, 2 textures, 3 objects; empty where left
- * out.
+ * Descriptor sets of the forward pass: 0 lights and shadow maps, 2 textures, 3 objects; empty where left out.
  */
 #include "context.h"
 
 #include <stddef.h>
+
+#include "../core/log.h"
 
 #include "spirv/shaders.h"
 
@@ -74,18 +75,18 @@ ChiaroResult chiaro_layouts_create(ChiaroVulkan *context)
     Arena *arena = context->layouts.arena = chiaro_arena_create(context);
     if (!arena)
         return CHIARO_ERROR_MEMORY;
-    enum { GI_BINDINGS = 13 };
     const VkShaderStageFlags fragment = VK_SHADER_STAGE_FRAGMENT_BIT, compute = VK_SHADER_STAGE_COMPUTE_BIT;
     const VkShaderStageFlags any = VK_SHADER_STAGE_VERTEX_BIT | fragment | compute; /* hosts bind them too */
-    const VkDescriptorType buffer = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, image = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER;
+    const VkDescriptorType buffer = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, image = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
+                           texels = VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER;
     VkDescriptorSetLayoutBinding lights[] = {{0, buffer, 1, any, NULL}, {1, image, 1, any, NULL}, {2, image, 1, any, NULL}};
     VkDescriptorSetLayoutBinding textures[] = {{0, image, 1, fragment, NULL}, {1, image, 1, fragment, NULL}};
-    VkDescriptorSetLayoutBinding irradiance[] = {{0, buffer, 1, any, NULL}};
+    VkDescriptorSetLayoutBinding irradiance[] = {{0, texels, 1, any, NULL}};
     VkDescriptorSetLayoutBinding objects[OBJECT_BINDINGS], gi[GI_BINDINGS];
     for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
-        objects[i] = (VkDescriptorSetLayoutBinding){i, buffer, 1, any, NULL};
+        objects[i] = (VkDescriptorSetLayoutBinding){i, texels, 1, any, NULL};
     for (uint32_t i = 0; i < GI_BINDINGS; i++)
-        gi[i] = (VkDescriptorSetLayoutBinding){i, buffer, 1, compute, NULL};
+        gi[i] = (VkDescriptorSetLayoutBinding){i, i < GI_TEXELS ? texels : buffer, 1, compute, NULL};
     Layouts *layouts = &context->layouts;
     layouts->none = create_set_layout(context, arena, 0, NULL);
     layouts->lights = create_set_layout(context, arena, chiaro_vulkan_own_shadows(context) ? 3 : 1, lights);
@@ -121,17 +122,19 @@ VkSampler chiaro_sampler_create(ChiaroVulkan *context, Arena *arena, VkFilter fi
 }
 
 VkDescriptorPool chiaro_pool_create(ChiaroVulkan *context, Arena *arena, uint32_t sets, uint32_t buffers,
-                                    uint32_t images)
+                                    uint32_t images, uint32_t texels)
 {
     VkDescriptorPool pool = VK_NULL_HANDLE;
     if (arena->result != CHIARO_OK)
         return pool;
-    VkDescriptorPoolSize sizes[2];
+    VkDescriptorPoolSize sizes[3];
     uint32_t count = 0;
     if (buffers > 0)
         sizes[count++] = (VkDescriptorPoolSize){VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, buffers};
     if (images > 0)
         sizes[count++] = (VkDescriptorPoolSize){VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, images};
+    if (texels > 0)
+        sizes[count++] = (VkDescriptorPoolSize){VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, texels};
     VkDescriptorPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO,
                                        .maxSets = sets,
                                        .poolSizeCount = count,
@@ -168,6 +171,38 @@ void chiaro_set_buffer(ChiaroVulkan *context, VkDescriptorSet set, uint32_t bind
                                   .descriptorCount = 1,
                                   .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
                                   .pBufferInfo = &info};
+    context->vk.UpdateDescriptorSets(context->desc.device, 1, &write, 0, NULL);
+}
+
+void chiaro_set_texels(ChiaroVulkan *context, Arena *arena, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer,
+                       VkFormat format)
+{
+    VkBufferViewCreateInfo info = {.sType = VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO,
+                                   .buffer = buffer.buffer,
+                                   .format = format,
+                                   .range = VK_WHOLE_SIZE};
+    uint64_t texel = format == VK_FORMAT_R32G32B32A32_SFLOAT || format == VK_FORMAT_R32G32B32A32_UINT ? 16
+                     : format == VK_FORMAT_R32G32_UINT                                                 ? 8
+                                                                                                       : 4;
+    VkBufferView view = VK_NULL_HANDLE;
+    if (arena->result != CHIARO_OK)
+        return;
+    if (buffer.size / texel > context->limits.maxTexelBufferElements) {
+        chiaro_log_write(&context->desc.log, CHIARO_LOG_ERROR, CHIARO_LOG_VULKAN_UNSUPPORTED,
+                         "a buffer of %llu texels", (unsigned long long)(buffer.size / texel));
+        arena->result = CHIARO_ERROR_UNSUPPORTED;
+        return;
+    }
+    VkResult result =
+        context->vk.CreateBufferView(context->desc.device, &info, context->desc.allocation_callbacks, &view);
+    if (!chiaro_arena_keep(context, arena, result, "vkCreateBufferView", VK_OBJECT_TYPE_BUFFER_VIEW, (uint64_t)view))
+        return;
+    VkWriteDescriptorSet write = {.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
+                                  .dstSet = set,
+                                  .dstBinding = binding,
+                                  .descriptorCount = 1,
+                                  .descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER,
+                                  .pTexelBufferView = &view};
     context->vk.UpdateDescriptorSets(context->desc.device, 1, &write, 0, NULL);
 }
 
@@ -308,7 +343,7 @@ static const VkSpecializationMapEntry forward_entries[5] = {{0, offsetof(Forward
                                                             {3, offsetof(ForwardConstants, sky_sun), 4},
                                                             {4, offsetof(ForwardConstants, pieces), 4}};
 
-/* Vertices of what stays: with the receiver of each. Of objects: with what their bake says. */
+/* Vertices of what stays: with the irradiance of each. Of objects: with what their bake says. */
 enum { VERTEX_ATTRIBUTES = 5, STILL_ATTRIBUTES = 1, OBJECT_ATTRIBUTES = 4 };
 
 static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lighting, uint32_t surface, bool object)
@@ -317,19 +352,19 @@ static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lig
     bool blocked = lighting & FORWARD_BLOCKED;
     const Layouts *layouts = &context->layouts;
     VkDescriptorSetLayout sets[4] = {lit ? layouts->lights : layouts->none,
-                                     gi && !object ? layouts->irradiance : layouts->none,
+                                     layouts->none,
                                      textured ? layouts->texture : layouts->none,
                                      object || blocked ? layouts->objects : layouts->none};
     VkVertexInputBindingDescription bindings[2] = {
         {0, sizeof(ChiaroVertex), VK_VERTEX_INPUT_RATE_VERTEX},
-        {1, object ? sizeof(ChiaroObjectVertex) : sizeof(uint32_t), VK_VERTEX_INPUT_RATE_VERTEX}};
+        {1, object ? sizeof(ChiaroObjectVertex) : 4 * sizeof(float), VK_VERTEX_INPUT_RATE_VERTEX}};
     VkVertexInputAttributeDescription attributes[VERTEX_ATTRIBUTES + OBJECT_ATTRIBUTES] = {
         {0, 0, VK_FORMAT_R32G32B32_SFLOAT, offsetof(ChiaroVertex, position)},
         {1, 0, VK_FORMAT_R32G32B32_SFLOAT, offsetof(ChiaroVertex, normal)},
         {2, 0, VK_FORMAT_R32G32_SFLOAT, offsetof(ChiaroVertex, uv)},
         {3, 0, VK_FORMAT_R32G32_SFLOAT, offsetof(ChiaroVertex, emission_uv)},
         {4, 0, VK_FORMAT_R32G32B32A32_SFLOAT, offsetof(ChiaroVertex, color)},
-        {5, 1, VK_FORMAT_R32_UINT, 0}};
+        {5, 1, VK_FORMAT_R32G32B32A32_SFLOAT, 0}}; /* four floats fetch faster than three */
     const VkVertexInputAttributeDescription baked[OBJECT_ATTRIBUTES] = {
         {5, 1, VK_FORMAT_R32G32B32_SFLOAT, offsetof(ChiaroObjectVertex, cavity)},
         {6, 1, VK_FORMAT_R32G32B32_SFLOAT, offsetof(ChiaroObjectVertex, bent)},
@@ -433,12 +468,17 @@ static Pipeline create_gi(ChiaroVulkan *context, Arena *arena, uint32_t pass)
         [GI_SAMPLES_LIT] = SHADER_samples_lit_comp,
         [GI_SAMPLES_DARK] = SHADER_samples_dark_comp,
         [GI_TREE] = SHADER_tree_comp,
+        [GI_PATTERNS] = SHADER_patterns_comp,
+        [GI_PATTERNS_COLORED] = SHADER_patterns_comp,
         [GI_GATHER_SAMPLES] = SHADER_gather_samples_comp,
         [GI_GATHER_RECEIVERS] = SHADER_gather_receivers_comp,
         [GI_BLEND] = SHADER_blend_comp};
     const ChiaroVulkanDesc *desc = &context->desc;
     VkDescriptorSetLayout sets[3] = {context->layouts.gi, context->layouts.lights, desc->shadow_layout};
     bool lit = pass == GI_SAMPLES_LIT;
+    const VkBool32 colored = pass == GI_PATTERNS_COLORED;
+    const VkSpecializationMapEntry entry = {0, 0, sizeof colored};
+    const VkSpecializationInfo constants = {1, &entry, sizeof colored, &colored};
     Pipeline made = {create_layout(context, arena, !lit ? 1 : desc->shadow_layout ? 3 : 2, sets, VK_SHADER_STAGE_COMPUTE_BIT,
                                    sizeof(ChiaroComputePush)),
                      VK_NULL_HANDLE};
@@ -449,7 +489,8 @@ static Pipeline create_gi(ChiaroVulkan *context, Arena *arena, uint32_t pass)
                                         .stage = {.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
                                                   .stage = VK_SHADER_STAGE_COMPUTE_BIT,
                                                   .module = module,
-                                                  .pName = "main"},
+                                                  .pName = "main",
+                                                  .pSpecializationInfo = &constants},
                                         .layout = made.layout};
     if (arena->result == CHIARO_OK) {
         VkPipeline pipeline = VK_NULL_HANDLE;
@@ -488,6 +529,19 @@ static void prepare_forward(ChiaroVulkan *context, uint32_t lighting, uint32_t k
         *pipeline = create_forward(context, context->forward_arena, lighting, kind, object);
 }
 
+static bool needs_pass(const ChiaroVulkan *context, uint32_t pass, bool lit)
+{
+    bool samples = context->scene.sample_links.colored, receivers = context->scene.receiver_links.colored;
+    switch (pass) {
+    case GI_SAMPLES_LIT: return lit;
+    case GI_SAMPLES_DARK: return !lit;
+    case GI_PATTERNS: return !samples || !receivers;
+    case GI_PATTERNS_COLORED: return samples || receivers;
+    case GI_BLEND: return context->desc.sliced;
+    default: return true;
+    }
+}
+
 ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
 {
     if (!context->forward_arena && !(context->forward_arena = chiaro_arena_create(context)))
@@ -513,8 +567,7 @@ ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
         if ((shadows >> kind & 1) && !context->shadow[kind].pipeline)
             context->shadow[kind] = create_shadow(context, context->pipeline_arena, kind);
     for (uint32_t pass = 0; gi && pass < GI_PASSES; pass++)
-        if (pass != (lit ? GI_SAMPLES_DARK : GI_SAMPLES_LIT) && (pass != GI_BLEND || context->desc.sliced) &&
-            !context->gi[pass].pipeline)
+        if (needs_pass(context, pass, lit) && !context->gi[pass].pipeline)
             context->gi[pass] = create_gi(context, context->pipeline_arena, pass);
     ChiaroResult forward = take_result(context->forward_arena), other = take_result(context->pipeline_arena);
     return forward != CHIARO_OK ? forward : other;

@@ -253,8 +253,9 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands, const
         fill_sky_image(context, commands);
     if (lights || leaves || bounce) {
         /* The frames before may still read what is written now. */
-        VkPipelineStageFlags readers = VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT |
-                                       VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
+        VkPipelineStageFlags readers = VK_PIPELINE_STAGE_VERTEX_INPUT_BIT | VK_PIPELINE_STAGE_VERTEX_SHADER_BIT |
+                                       VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT |
+                                       VK_PIPELINE_STAGE_TRANSFER_BIT;
         chiaro_record_barrier(context, commands, readers, 0,
                               VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, 0);
         if (lights)
@@ -272,8 +273,9 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands, const
     if (bounce) {
         chiaro_bounce_record(context, commands, info);
         chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT,
-                VK_PIPELINE_STAGE_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT |
-                    VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_READ_BIT);
+                VK_PIPELINE_STAGE_VERTEX_INPUT_BIT | VK_PIPELINE_STAGE_VERTEX_SHADER_BIT |
+                    VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
+                VK_ACCESS_VERTEX_ATTRIBUTE_READ_BIT | VK_ACCESS_SHADER_READ_BIT);
     }
     if (gi && !chiaro_bounce_busy(context))
         chiaro_objects_read_back(context, commands);
@@ -312,8 +314,6 @@ static void bind_forward(ChiaroVulkan *context, VkCommandBuffer commands, const 
     vk->CmdBindPipeline(commands, graphics, pipeline->pipeline);
     if (lighting & FORWARD_LIT)
         vk->CmdBindDescriptorSets(commands, graphics, pipeline->layout, 0, 1, &context->lights.set, 0, NULL);
-    if ((lighting & FORWARD_GI) && !object)
-        vk->CmdBindDescriptorSets(commands, graphics, pipeline->layout, 1, 1, &context->scene.irradiance_set, 0, NULL);
     if ((lighting & FORWARD_BLOCKED) || object)
         vk->CmdBindDescriptorSets(commands, graphics, pipeline->layout, 3, 1, &context->objects.set, 0, NULL);
 }
@@ -345,7 +345,7 @@ static void draw_parts(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t
 {
     const SceneState *scene = &context->scene;
     const Pipeline *bound = NULL;
-    VkBuffer vertices[2] = {scene->vertices.buffer, scene->vertex_receivers.buffer};
+    VkBuffer vertices[2] = {scene->vertices.buffer, scene->irradiance.buffer};
     VkDeviceSize offsets[2] = {0, 0};
     context->vk.CmdBindVertexBuffers(commands, 0, lighting & FORWARD_GI ? 2 : 1, vertices, offsets);
     context->vk.CmdBindIndexBuffer(commands, scene->indices.buffer, 0, VK_INDEX_TYPE_UINT32);

@@ -4,8 +4,12 @@
 #include "context.h"
 
 #include <math.h>
+#include <stdlib.h>
 
 #include "../core/log.h"
+
+/* Their numbers are exact as floats (ChiaroGpuSample). */
+enum { MOST_POINTS = 1 << 24 };
 
 static VkSamplerAddressMode address_mode(uint32_t wrap)
 {
@@ -135,7 +139,7 @@ static void create_texture_sets(ChiaroVulkan *context, SceneState *state, const 
         count += is_textured(&scene->materials[scene->parts[p].material]) && first_use(scene, p);
     if (count == 0)
         return;
-    VkDescriptorPool pool = chiaro_pool_create(context, state->arena, count, 0, 2 * count);
+    VkDescriptorPool pool = chiaro_pool_create(context, state->arena, count, 0, 2 * count, 0);
     for (uint32_t p = 0; p < scene->part_count; p++) {
         uint32_t m = scene->parts[p].material;
         const ChiaroMaterial *material = &scene->materials[m];
@@ -150,6 +154,52 @@ static void create_texture_sets(ChiaroVulkan *context, SceneState *state, const 
     }
 }
 
+static uint32_t lowest(const uint32_t corner[3])
+{
+    uint32_t least = corner[0] < corner[1] ? corner[0] : corner[1];
+    return least < corner[2] ? least : corner[2];
+}
+
+/* By the lowest vertex, then by all. */
+static int compare_triangles(const void *a, const void *b)
+{
+    const uint32_t *x = a, *y = b;
+    uint32_t low_x = lowest(x), low_y = lowest(y);
+    for (int i = 0; i < 3 && low_x == low_y; i++)
+        low_x = x[i], low_y = y[i];
+    return (low_x > low_y) - (low_x < low_y);
+}
+
+/* Drawn vertices are numbered as their receivers are, so that irradiance is an attribute of theirs; those whose receiver
+ * has a vertex already follow the last receiver. Receivers are numbered block by block, in space, so triangles in this
+ * order find their vertices in the cache: that alone is a fifth of a frame of a level. Objects have no receivers: their
+ * vertices keep their numbers. */
+static ChiaroResult place_vertices(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport)
+{
+    uint32_t count = transport->receiver_count;
+    bool *taken = chiaro_vulkan_alloc(context, count, sizeof *taken);
+    state->places = chiaro_vulkan_alloc(context, transport->vertex_count, sizeof *state->places);
+    state->drawn = chiaro_vulkan_alloc(context, transport->index_count, sizeof *state->drawn);
+    bool room = taken && state->places && state->drawn;
+    for (uint32_t v = 0; room && v < transport->vertex_count; v++) {
+        if (!transport->vertex_receivers) {
+            state->places[v] = count++;
+            continue;
+        }
+        uint32_t receiver = transport->vertex_receivers[v];
+        state->places[v] = taken[receiver] ? count++ : receiver;
+        taken[receiver] = true;
+    }
+    for (uint32_t i = 0; room && i < transport->index_count; i++)
+        state->drawn[i] = state->places[transport->indices[i]];
+    for (uint32_t p = 0; room && p < transport->part_count; p++)
+        qsort(state->drawn + transport->parts[p].first_index, transport->parts[p].index_count / 3,
+              3 * sizeof *state->drawn, compare_triangles);
+    state->irradiance_count = count;
+    chiaro_vulkan_free(context, taken);
+    return room ? CHIARO_OK : CHIARO_ERROR_MEMORY;
+}
+
 static void create_mesh(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport)
 {
     const ChiaroScene *scene = &transport->scene;
@@ -159,7 +209,7 @@ static void create_mesh(ChiaroVulkan *context, SceneState *state, const ChiaroTr
     uint64_t *bytes = &state->mesh_bytes;
     if (!context->desc.light_only) {
         state->vertices = chiaro_arena_buffer(
-            context, state->arena, sizeof(ChiaroVertex) * (uint64_t)transport->vertex_count, vertex, false, bytes);
+            context, state->arena, sizeof(ChiaroVertex) * (uint64_t)state->irradiance_count, vertex, false, bytes);
         state->indices = chiaro_arena_buffer(context, state->arena, 4 * (uint64_t)transport->index_count, index, false,
                                              bytes);
     }
@@ -174,52 +224,55 @@ static void create_mesh(ChiaroVulkan *context, SceneState *state, const ChiaroTr
             chiaro_arena_buffer(context, state->arena, 12 * (uint64_t)scene->vertex_count, vertex, false, bytes);
 }
 
+/* What the passes and the drawing of bounce light need; bindings in the order of gi.glsl. */
 static void create_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport)
 {
     Arena *arena = state->gi_arena;
-    const VkBufferUsageFlags usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
-    const uint64_t samples = transport->sample_count, nodes = transport->node_count,
-                   receivers = transport->receiver_count;
+    const VkBufferUsageFlags copied = VK_BUFFER_USAGE_TRANSFER_DST_BIT, copied_from = VK_BUFFER_USAGE_TRANSFER_SRC_BIT;
+    const VkBufferUsageFlags texels = VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT | copied;
+    const VkBufferUsageFlags storage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | copied;
+    const VkFormat floats = VK_FORMAT_R32G32B32A32_SFLOAT;
+    const uint64_t samples = transport->sample_count, nodes = transport->node_count, shown = state->irradiance_count;
+    LinkSizes links = {0};
+    chiaro_links_lay(&transport->sample_links, &links, &state->sample_links);
+    chiaro_links_lay(&transport->receiver_links, &links, &state->receiver_links);
+    links.rows += shown - transport->receiver_count;
     struct {
         DeviceBuffer *buffer;
         uint64_t size;
         VkBufferUsageFlags usage;
-    } wanted[] = {
-        {&state->samples, samples * sizeof(ChiaroGpuSample), usage},
-        {&state->points, transport->point_count * sizeof(ChiaroPoint), usage},
-        {&state->weights, nodes * sizeof(float), usage},
-        {&state->sources, nodes * 2 * sizeof(uint32_t), usage},
-        {&state->values, 2 * nodes * 16, usage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT},
-        {&state->sample_blocks, transport->sample_links.block_count * sizeof(ChiaroGpuBlock), usage},
-        {&state->sample_nodes, transport->sample_links.node_count * sizeof(uint32_t), usage},
-        {&state->sample_weights, transport->sample_links.weight_count * sizeof(float), usage},
-        {&state->receiver_blocks, transport->receiver_links.block_count * sizeof(ChiaroGpuBlock), usage},
-        {&state->receiver_nodes, transport->receiver_links.node_count * sizeof(uint32_t), usage},
-        {&state->receiver_weights, transport->receiver_links.weight_count * sizeof(float), usage},
-        {&state->irradiance, receivers * 16, usage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT},
-        {&state->coming, receivers * 16, usage},
-        {&state->vertex_receivers, transport->vertex_count * sizeof(uint32_t),
-         VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT},
+        VkFormat format; /* of texels */
+    } wanted[GI_BINDINGS] = {
+        {&state->samples, samples * sizeof(ChiaroGpuSample), texels, floats},
+        {&state->points, transport->point_count * sizeof(ChiaroPoint), texels, floats},
+        {&state->areas, nodes * sizeof(float), texels, VK_FORMAT_R32_SFLOAT},
+        {&state->sources, nodes * 2 * sizeof(uint32_t), texels, VK_FORMAT_R32G32_UINT},
+        {&state->tasks, links.tasks * 4 * sizeof(uint32_t), texels, VK_FORMAT_R32G32B32A32_UINT},
+        {&state->rows, links.rows * 2 * sizeof(uint32_t), texels, VK_FORMAT_R32G32_UINT},
+        {&state->link_nodes, links.nodes * sizeof(uint32_t), texels, VK_FORMAT_R32_UINT},
+        {&state->link_weights, links.weights * 4 * sizeof(float), texels, floats},
+        {&state->values, 2 * nodes * 16, texels | storage | copied_from, floats},
+        {&state->patterns, links.tasks * 3 * 16, texels | storage, floats},
+        {&state->values, 0, 0, 0},
+        {&state->patterns, 0, 0, 0},
+        {&state->irradiance, shown * 16, texels | storage | copied_from | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT, 0},
+        {&state->coming, shown * 16, context->desc.sliced ? storage : 0, 0},
     };
-    const uint32_t bindings = 13;
-    for (uint32_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++) {
-        if ((wanted[i].buffer == &state->coming && !context->desc.sliced) ||
-            (wanted[i].buffer == &state->vertex_receivers && context->desc.light_only))
-            continue;
-        *wanted[i].buffer =
-            chiaro_arena_buffer(context, arena, wanted[i].size, wanted[i].usage, false, &state->gi_bytes);
-    }
+    for (uint32_t i = 0; i < GI_BINDINGS; i++)
+        if (wanted[i].usage)
+            *wanted[i].buffer =
+                chiaro_arena_buffer(context, arena, wanted[i].size, wanted[i].usage, false, &state->gi_bytes);
     if (!context->desc.sliced) /* it is bound, never used */
         state->coming = state->irradiance;
     chiaro_arena_bind(context, arena);
-    VkDescriptorPool pool = chiaro_pool_create(context, arena, 2, bindings + 1, 0);
+    VkDescriptorPool pool = chiaro_pool_create(context, arena, 2, GI_BINDINGS - GI_TEXELS, 0, GI_TEXELS + 1);
     state->gi_set = chiaro_set_create(context, arena, pool, context->layouts.gi);
     state->irradiance_set = chiaro_set_create(context, arena, pool, context->layouts.irradiance);
-    if (arena->result != CHIARO_OK)
-        return;
-    for (uint32_t i = 0; i < bindings; i++)
+    for (uint32_t i = 0; i < GI_TEXELS; i++)
+        chiaro_set_texels(context, arena, state->gi_set, i, *wanted[i].buffer, wanted[i].format);
+    chiaro_set_texels(context, arena, state->irradiance_set, 0, state->irradiance, floats);
+    for (uint32_t i = GI_TEXELS; i < GI_BINDINGS && arena->result == CHIARO_OK; i++)
         chiaro_set_buffer(context, state->gi_set, i, *wanted[i].buffer);
-    chiaro_set_buffer(context, state->irradiance_set, 0, state->irradiance);
 }
 
 static void put(ChiaroVulkan *context, Upload *upload, DeviceBuffer buffer, const void *data)
@@ -230,8 +283,13 @@ static void put(ChiaroVulkan *context, Upload *upload, DeviceBuffer buffer, cons
 static void fill_mesh(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport, Upload *upload)
 {
     const ChiaroScene *scene = &transport->scene;
-    put(context, upload, state->vertices, transport->vertices);
-    put(context, upload, state->indices, transport->indices);
+    if (state->vertices.buffer) {
+        ChiaroVertex *vertices = chiaro_upload_buffer(context, upload, state->vertices);
+        uint32_t *indices = chiaro_upload_buffer(context, upload, state->indices);
+        for (uint32_t v = 0; v < transport->vertex_count; v++)
+            vertices[state->places[v]] = transport->vertices[v];
+        memcpy(indices, state->drawn, state->indices.size);
+    }
     if (!state->shadow_vertices.buffer)
         return;
     put(context, upload, state->shadow_indices, scene->indices);
@@ -262,37 +320,39 @@ static void fill_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTransp
     ChiaroGpuSample *samples = chiaro_upload_buffer(context, upload, state->samples);
     for (uint32_t i = 0; i < transport->sample_count; i++) {
         const ChiaroSample *from = &transport->samples[i];
-        ChiaroGpuSample to = {.points = {from->first_point, from->point_count}};
+        ChiaroGpuSample to = {{0, 0, 0, (float)from->first_point}, {0, 0, 0, (float)from->point_count}};
         memcpy(to.albedo, from->albedo, 12);
         memcpy(to.emission, from->emission, 12);
         samples[i] = to;
     }
-    float *weights = chiaro_upload_buffer(context, upload, state->weights);
+    float *areas = chiaro_upload_buffer(context, upload, state->areas);
     uint32_t *sources = chiaro_upload_buffer(context, upload, state->sources);
     for (uint32_t i = 0; i < transport->node_count; i++) {
-        weights[i] = transport->nodes[i].area;
+        areas[i] = transport->nodes[i].area;
         sources[2 * (size_t)i] = transport->nodes[i].source_first;
         sources[2 * (size_t)i + 1] = transport->nodes[i].source_count;
     }
+    LinkArrays links = {.tasks = chiaro_upload_buffer(context, upload, state->tasks),
+                        .rows = chiaro_upload_buffer(context, upload, state->rows),
+                        .nodes = chiaro_upload_buffer(context, upload, state->link_nodes),
+                        .weights = chiaro_upload_buffer(context, upload, state->link_weights)};
+    chiaro_links_fill(&transport->sample_links, &state->sample_links, &links);
+    chiaro_links_fill(&transport->receiver_links, &state->receiver_links, &links);
     put(context, upload, state->points, transport->points);
-    put(context, upload, state->sample_blocks, transport->sample_links.blocks);
-    put(context, upload, state->sample_nodes, transport->sample_links.nodes);
-    put(context, upload, state->sample_weights, transport->sample_links.weights);
-    put(context, upload, state->receiver_blocks, transport->receiver_links.blocks);
-    put(context, upload, state->receiver_nodes, transport->receiver_links.nodes);
-    put(context, upload, state->receiver_weights, transport->receiver_links.weights);
-    put(context, upload, state->vertex_receivers, transport->vertex_receivers);
+    /* Second vertices of a receiver have its row. */
+    uint32_t *rows = links.rows + 2 * (size_t)state->receiver_links.first_row;
+    for (uint32_t v = 0; state->places && v < transport->vertex_count; v++)
+        if (state->places[v] >= transport->receiver_count)
+            memcpy(rows + 2 * (size_t)state->places[v], rows + 2 * (size_t)transport->vertex_receivers[v], 8);
 }
 
 /* Staging bytes of everything but textures. */
 static uint64_t staging_size(const SceneState *state)
 {
-    const DeviceBuffer all[] = {state->vertices,        state->indices,      state->shadow_vertices,
-                                state->shadow_indices,  state->shadow_uvs,   state->samples,
-                                state->points,          state->weights,      state->sources,
-                                state->sample_blocks,   state->sample_nodes, state->sample_weights,
-                                state->receiver_blocks, state->receiver_nodes, state->receiver_weights,
-                                state->vertex_receivers};
+    const DeviceBuffer all[] = {state->vertices,        state->indices, state->shadow_vertices, state->shadow_indices,
+                                state->shadow_uvs,      state->samples, state->points,          state->areas,
+                                state->sources,         state->tasks,   state->rows,            state->link_nodes,
+                                state->link_weights};
     uint64_t size = 0;
     for (uint32_t i = 0; i < sizeof all / sizeof all[0]; i++)
         size += chiaro_upload_size(all[i].size);
@@ -314,6 +374,8 @@ static ChiaroResult check_transport(const ChiaroVulkan *context, const ChiaroTra
         fault = "drawn parts and parts of the scene differ in number";
     else if (transport->scene.index_count == 0 || transport->scene.vertex_count == 0)
         fault = "the scene it was baked from is missing";
+    else if (transport->point_count > MOST_POINTS)
+        fault = "it has too many points";
     if (!fault)
         return CHIARO_OK;
     chiaro_log_write(&context->desc.log, CHIARO_LOG_ERROR, CHIARO_LOG_SCENE_INVALID, "%s", fault);
@@ -326,6 +388,11 @@ static ChiaroResult upload_scene(ChiaroVulkan *context, SceneState *state, const
 {
     const ChiaroScene *scene = &transport->scene;
     ChiaroResult result = describe_parts(context, state, transport);
+    if (result != CHIARO_OK)
+        return result;
+    state->irradiance_count = transport->receiver_count;
+    if (!context->desc.light_only)
+        result = place_vertices(context, state, transport);
     if (result != CHIARO_OK)
         return result;
     create_mesh(context, state, transport);
@@ -381,6 +448,9 @@ ChiaroResult chiaro_scene_upload(ChiaroVulkan *context, SceneState *state, const
     }
     result = images && state->arena ? upload_scene(context, state, transport, commands, images) : CHIARO_ERROR_MEMORY;
     chiaro_vulkan_free(context, images);
+    chiaro_vulkan_free(context, state->places);
+    chiaro_vulkan_free(context, state->drawn);
+    state->places = state->drawn = NULL;
     if (result != CHIARO_OK)
         chiaro_scene_release(context, state);
     return result;
