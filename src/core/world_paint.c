@@ -15,6 +15,8 @@
 
 /* In radii of the object's part: static surfaces up to the first count as near, beyond the second as far. */
 static const float NEAR_ALL = 10, NEAR_NONE = 20;
+/* From the skin, a radius nearer, what lies at NEAR_ALL radii takes this much more of the sphere than from the centre. */
+static const float FAR_GROWS = 1.23f;
 /* A node of the tree may be so wide, as a part of its distance and a texel's angle; and must look one way, by the length
  * of its mean normal: a node of both sides of a wall would carry the light of one side to the other. */
 static const float SPAN = 0.25f, ONE_WAY = 0.9f;
@@ -390,7 +392,8 @@ static void resolve(Canvas *canvas)
 }
 
 /* What is near, as each normal's own place on the hull sees it. It is nearer from there than from the centre, so what is
- * far has to make room; where both do not fill the row, both grow. */
+ * far has to make room; or it has moved aside, as the frame of a window does, and more of what is far is seen. What both
+ * leave of the row then, both fill. */
 static void add_near(Canvas *canvas, uint32_t part, float *texels)
 {
     ChiaroWorld *world = canvas->world;
@@ -411,11 +414,11 @@ static void add_near(Canvas *canvas, uint32_t part, float *texels)
     for (uint32_t t = 0; t < world->texel_count; t++) {
         float *texel = texels + 4 * (size_t)t;
         const float *near = light + 4 * (size_t)t;
-        float far = fmaxf(0, texel[3]), whole = far + near[3], keep = 1, scale = 1;
-        if (whole > 1)
-            keep = near[3] < 1 ? (1 - near[3]) / far : 0, scale = near[3] > 1 ? 1 / near[3] : 1;
-        else if (whole > LEAST_WEIGHT)
-            scale = 1 / whole;
+        float far = fmaxf(0, texel[3]), keep = 1, scale = 1;
+        if (far + near[3] > LEAST_WEIGHT) {
+            keep = chiaro_clamp((1 - near[3]) / fmaxf(far, LEAST_WEIGHT), 0, FAR_GROWS);
+            scale = 1 / (keep * far + near[3]);
+        }
         for (uint32_t c = 0; c < 3; c++)
             texel[c] = scale * (keep * texel[c] + near[c]);
     }
