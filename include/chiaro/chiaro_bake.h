@@ -47,8 +47,8 @@ typedef struct ChiaroBlob {
 } ChiaroBlob;
 
 /** Bakes a scene. Same scene, same description: same bytes, whatever the number of threads. Vertices go to steps of 2^-20
- * of the scene's longest edge, a tenth of what rays resolve; but for those that lie on the edge between two steps, a scene in
- * other units is baked the same.
+ * of the scene's longest edge, a tenth of what rays resolve; but for those that lie on the edge between two steps, a
+ * scene in other units is baked the same.
  * @param scene static geometry, materials, lights (copied into the block), cameras.
  * @param desc settings; NULL: all defaults. @param blob receives the block; untouched on failure.
  * @errors CHIARO_ERROR_ARGUMENT, _SCENE, _MEMORY, _INTERRUPTED.

@@ -11,7 +11,7 @@
 enum { DEFAULT_LINKS = 32, DEFAULT_RAYS = 2048, LARGE_SCENE_RAYS = 256, LEAST_RECEIVERS = 4096, MOST_RECEIVERS = 32768 };
 static const float RECEIVER_PART_OF_FREE_PATH = 0.055f;
 static const size_t LARGE_TABLE = (size_t)32 << 20;
-/* Positions lie on so many steps along a scene's longest edge; and a float's own steps are told from this part of it on. */
+/* Positions lie on so many steps along a scene's longest edge; of a float's own, steps of this part of it are told. */
 static const double STEPS = 1 << 20, NOTABLE_STEP = 1e-4;
 
 bool chiaro_bake_progress(float done, void *user)
@@ -80,10 +80,10 @@ void chiaro_bake_bounds(Baker *baker)
     }
 }
 
-/* Where and how large a scene is, is no affair of its light: it is baked by its lowest corner, its longest edge 1, and moved
- * back afterwards. So rounding is the same wherever it lies, areas neither overflow nor vanish; and as positions go to steps
- * of a tenth of what rays resolve, the bake of a scene that came in other units, or from elsewhere, is the same bit by bit,
- * but for positions that lie on the edge between two steps. */
+/* Where and how large a scene is, is no affair of its light: it is baked by its lowest corner, its longest edge 1, and
+ * moved back afterwards. So rounding is the same wherever it lies, areas neither overflow nor vanish; and as positions go
+ * to steps of a tenth of what rays resolve, the bake of a scene that came in other units, or from elsewhere, is the same
+ * bit by bit, but for positions that lie on the edge between two steps. */
 typedef struct Frame {
     double low[3], size;
 } Frame;

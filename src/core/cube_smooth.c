@@ -149,10 +149,10 @@ void chiaro_cube_smooth_texel(const ChiaroCubeKernel *kernel, uint32_t texel, co
     }
 }
 
-/* A parabola over a cell of width h lies h^2 / 8 of its second derivative below its chord, in the middle, in each direction:
- * so much is what differences of neighbours tell. In the middle, for there the axes are, along which most faces of made
- * things look: a distant light, 4x4x6, is then 0.0151 rms of its peak wrong over all normals and 0.0233 along the axes, where
- * h^2 / 12, the mean of the cell, leaves 0.0147 and 0.0270, and nothing leaves 0.0206 and 0.0370. */
+/* A parabola over a cell of width h lies h^2 / 8 of its second derivative below its chord, in the middle, in each
+ * direction: so much is what differences of neighbours tell. In the middle, for there the axes are, along which most
+ * faces of made things look: a distant light, 4x4x6, is then 0.0151 rms of its peak wrong over all normals and 0.0233
+ * along the axes, where h^2 / 12, the mean of the cell, leaves 0.0147 and 0.0270, and nothing 0.0206 and 0.0370. */
 void chiaro_cube_sharpen(const ChiaroCubeKernel *kernel, float *texels)
 {
     float before[CUBE_LANES * CHIARO_CUBE_MAX_TEXELS];
