@@ -5,7 +5,9 @@
  *   mesh       subdivision without T-junctions -> vertices and receivers
  *   training   lights that could be: their direct light on the samples
  *   solve      (I - rho F) B = x, many right-hand sides, at any albedo below 1
- *   links      rows -> blocks of links: patterns, a cut through the tree, weights fitted on the training lights, energy kept
+ *   links      rows -> blocks of links: patterns, a cut through the tree, weights fitted on the training lights, energy kept;
+ *              first those between samples, last those of receivers
+ *   more lamps between the two: lamps whose bounces the samples' links give, for the receivers to be fitted on
  *   write      all of it -> one block of bytes
  */
 #ifndef CHIARO_BAKE_INTERNAL_H
@@ -190,6 +192,11 @@ ChiaroResult chiaro_bake_column_scales(const Baker *baker, const float *direct, 
  * irradiance: [sample][column]. */
 ChiaroResult chiaro_bake_gather(const Baker *baker, const float *direct, uint32_t columns, const uint8_t *channel,
                                 float *irradiance);
+/* Radiosity as samples carry it at run time: direct light, and their albedo times the irradiance from the links, which is not
+ * let below 0; times `scale` of the column (NULL: 1). direct: [leaf][column]; irradiance: [sample][column], may be `carried`;
+ * carried: [leaf], rows of `carried_columns`. */
+void chiaro_bake_carry(const Baker *baker, const float *direct, const float *irradiance, uint32_t columns,
+                       const uint8_t *channel, const float *scale, float *carried, uint32_t carried_columns);
 
 /* --- write.c --- */
 /* A block: a header, whose magic and version are set, and what the slots of the arrays point to. */

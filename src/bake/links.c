@@ -326,7 +326,20 @@ ChiaroResult chiaro_bake_gather(const Baker *baker, const float *direct, uint32_
     return CHIARO_OK;
 }
 
-/* What samples carry at run time, for every training light: direct light, and what the links give. */
+void chiaro_bake_carry(const Baker *baker, const float *direct, const float *irradiance, uint32_t columns,
+                       const uint8_t *channel, const float *scale, float *carried, uint32_t carried_columns)
+{
+    for (size_t l = 0; l < baker->leaf_count; l++) {
+        for (size_t t = 0; t < columns; t++) {
+            float light = direct[l * columns + t];
+            if (l < baker->sample_count)
+                light += baker->samples[l].albedo[channel[t]] * fmaxf(0, irradiance[l * columns + t]);
+            carried[l * carried_columns + t] = scale ? light * scale[t] : light;
+        }
+    }
+}
+
+/* What samples carry at run time, for every training light. */
 static ChiaroResult carry_light(Baker *baker)
 {
     size_t columns = baker->columns;
@@ -334,27 +347,40 @@ static ChiaroResult carry_light(Baker *baker)
     if (!baker->carried)
         return CHIARO_ERROR_MEMORY;
     ChiaroResult result = chiaro_bake_gather(baker, baker->direct, baker->columns, baker->column_channel, baker->carried);
-    for (size_t l = 0; l < baker->leaf_count && result == CHIARO_OK; l++) {
-        for (size_t t = 0; t < columns; t++) {
-            float *carried = &baker->carried[l * columns + t];
-            float albedo = l < baker->sample_count ? baker->samples[l].albedo[baker->column_channel[t]] : 0;
-            *carried = baker->direct[l * columns + t] + albedo * fmaxf(0, *carried);
-        }
-    }
+    if (result != CHIARO_OK)
+        return result;
+    chiaro_bake_carry(baker, baker->direct, baker->carried, baker->columns, baker->column_channel, NULL, baker->carried,
+                      baker->columns);
     chiaro_bake_tree_sum(baker, baker->carried, baker->columns);
     /* Receivers are lit by what is carried. */
     free(baker->direct);
     free(baker->irradiance);
     baker->direct = baker->irradiance = NULL;
-    return result;
+    return CHIARO_OK;
+}
+
+ChiaroResult chiaro_bake_sample_links(Baker *baker)
+{
+    uint32_t *begin = malloc(((size_t)baker->sample_count + 1) * sizeof *begin);
+    if (!begin)
+        return CHIARO_ERROR_MEMORY;
+    uint32_t count = deal_samples(baker, baker->root, begin, 0);
+    begin[count] = baker->sample_count;
+    FitTask task = {.baker = baker, .truth = baker->direct, .feature = baker->direct,
+                    .links = SAMPLE_LINKS * baker->desc.links, .channels = baker->grey ? 1 : 3,
+                    .tolerance = SAMPLE_TOLERANCE, .noise = SAMPLE_NOISE, .all_bounces = true};
+    ChiaroResult result = fit_runs(baker, &task, begin, count, link_samples, &baker->sample_links,
+                              &baker->info.sample_fit_error, &baker->info.sample_links);
+    free(begin);
+    return result == CHIARO_OK ? carry_light(baker) : result;
 }
 
 /* Mean square of each node's light, over all training lights, if every leaf shone for itself. */
-static float *loose_energy(const Baker *baker, const float *table)
+static float *loose_energy(const Baker *baker)
 {
     float *energy = malloc(baker->node_count * sizeof *energy);
     for (uint32_t n = 0; energy && n < baker->leaf_count; n++) {
-        const float *light = table + (size_t)n * baker->columns;
+        const float *light = baker->total + (size_t)n * baker->columns;
         energy[n] = chiaro_dot(light, light, baker->columns) / (float)baker->columns;
     }
     for (uint32_t n = baker->leaf_count; energy && n < baker->node_count; n++) {
@@ -367,24 +393,9 @@ static float *loose_energy(const Baker *baker, const float *table)
     return energy;
 }
 
-ChiaroResult chiaro_bake_sample_links(Baker *baker)
-{
-    uint32_t *begin = malloc(((size_t)baker->sample_count + 1) * sizeof *begin);
-    if (!begin)
-        return CHIARO_ERROR_MEMORY;
-    uint32_t count = deal_samples(baker, baker->root, begin, 0);
-    begin[count] = baker->sample_count;
-    FitTask task = {.baker = baker, .truth = baker->direct, .feature = baker->direct,
-                    .links = SAMPLE_LINKS * baker->desc.links, .noise = SAMPLE_NOISE, .channels = baker->grey ? 1 : 3, .tolerance = SAMPLE_TOLERANCE, .all_bounces = true};
-    ChiaroResult result = fit_runs(baker, &task, begin, count, link_samples, &baker->sample_links,
-                              &baker->info.sample_fit_error, &baker->info.sample_links);
-    free(begin);
-    return result == CHIARO_OK ? carry_light(baker) : result;
-}
-
 ChiaroResult chiaro_bake_receiver_links(Baker *baker)
 {
-    float *energy = loose_energy(baker, baker->total);
+    float *energy = loose_energy(baker);
     FitTask task = {.baker = baker, .truth = baker->total, .feature = baker->carried, .links = baker->desc.links, .channels = 1,
                     .tolerance = RECEIVER_TOLERANCE, .noise = RECEIVER_NOISE, .more = true, .energy = energy};
     if (!energy)

@@ -217,22 +217,6 @@ ChiaroResult chiaro_bake_training(Baker *baker)
     return finished ? CHIARO_OK : CHIARO_ERROR_INTERRUPTED;
 }
 
-/* What the links make of a batch of lamps goes to columns of baker->more. */
-static void carry_batch(const Training *training, const float *irradiance, const float *scale, uint32_t first)
-{
-    Baker *baker = training->baker;
-    for (uint32_t l = 0; l < baker->leaf_count; l++) {
-        const float *direct = training->direct + (size_t)l * training->columns, *e = irradiance + (size_t)l * training->columns;
-        float *more = baker->more + (size_t)l * baker->more_columns + first;
-        for (uint32_t t = 0; t < training->columns; t++) {
-            more[t] = direct[t];
-            if (l < baker->sample_count)
-                more[t] += baker->samples[l].albedo[training->channel[t]] * fmaxf(0, e[t]);
-            more[t] *= scale[t];
-        }
-    }
-}
-
 ChiaroResult chiaro_bake_more_lamps(Baker *baker)
 {
     enum { BATCH = 16 * CHIARO_COLUMN_BLOCK };
@@ -261,7 +245,7 @@ ChiaroResult chiaro_bake_more_lamps(Baker *baker)
             result = chiaro_bake_column_scales(baker, training.direct, irradiance, BATCH, scale);
         if (result != CHIARO_OK)
             goto done;
-        carry_batch(&training, irradiance, scale, b * BATCH);
+        chiaro_bake_carry(baker, training.direct, irradiance, BATCH, channel, scale, baker->more + b * BATCH, baker->more_columns);
         if (!chiaro_bake_progress((float)(b + 1) / (float)batches, baker)) {
             result = CHIARO_ERROR_INTERRUPTED;
             goto done;
