@@ -17,7 +17,7 @@ number() { sed -n "s/.*\"$1\": *\({\"median\": *\)\{0,1\}\([-0-9.e+]*\).*/\2/p" 
 median() { sort -n | awk '{ v[NR] = $1 } END { print NR % 2 ? v[(NR + 1) / 2] : (v[NR / 2] + v[NR / 2 + 1]) / 2 }'; }
 scene() { [ -e "$out/$1.glb" ] || "$build/bin/chiaro-scene" "$1" -o "$out/$1.glb"; }
 
-# Renders and traces a scene. picture NAME SCENE.glb options ...
+# Renders and traces a scene; the reference takes `spp` paths a pixel. picture NAME SCENE.glb options ...
 picture() {
     name=$1 file=$2
     shift 2
@@ -41,12 +41,12 @@ tell() {
         "$(number noise_indirect "$out/$1.reference.json")" "$out/$1.png"
 }
 
-# An object in eight places of the box, each seen from close by. carry sphere|box
+# An object in eight places of the box, each seen from outside, over the blocks. carry sphere|box
 carry() {
     k=0
     for place in 1.0,0.6,4.6 1.2,1.6,4.2 2.8,4.0,2.0 4.6,1.0,1.2 1.9,2.4,1.6 0.8,3.5,2.6 4.4,4.4,4.6 2.8,3.0,0.8; do
         k=$((k + 1))
-        picture "cornell-$1-$k" "$out/cornell.glb" --add "$1,$place,0.7" --eye 2.8,4.4,0.2 --target "$place" --fov 24 --size 128x128
+        picture "cornell-$1-$k" "$out/cornell.glb" --add "$1,$place,0.7" --eye 2.8,5,-2.5 --target "$place" --fov 16 --size 128x128
         number relrmse "$out/cornell-$1-$k.objects.json"
     done > "$out/cornell-$1.txt"
     printf 'cornell, %-13s: eight places: median relRMSE %.4f, worst %.4f; %s\n' "$1" "$(median < "$out/cornell-$1.txt")" \
@@ -61,6 +61,7 @@ picture spheres "$out/spheres.glb" --size 384x384 "$@"
 tell spheres spheres
 carry sphere
 carry box
+spp=$((4 * spp)) # little light finds the door
 picture two-rooms "$out/two-rooms.glb" --size 256x256 --add box,7.2,0.5,2.5,0.8 --add sphere,8.6,1.2,3.6,0.7
 tell two-rooms 'two-rooms, dark one'
 

@@ -369,6 +369,64 @@ static void a_shining_floor_lights_an_object_by_its_form_factor_from_the_skin(vo
     mesh_end(&mesh);
 }
 
+/* A room that is open in front, its walls shining 1, under a black sky: a face that looks out, in the middle, sees what
+ * the opening leaves. From the skin the opening is wider than from the centre. */
+static void a_face_toward_an_open_front_is_as_dark_as_the_opening_is_wide(void **state)
+{
+    (void)state;
+    enum { SIZE = 5 };
+    Mesh mesh = mesh_begin();
+    mesh_material(&mesh, 0, 1);
+    mesh_box(&mesh, vec3(0, 0, 0), vec3(SIZE, SIZE, SIZE));
+    for (uint32_t v = 12; v < 18; v++) /* the wall that faces +z falls flat on the floor */
+        mesh.vertices[v].position[1] = 0;
+    Lit lit = lit_make(&mesh.scene, NULL, 1024);
+    lit_light(&lit, NULL, 0, NULL, NULL);
+    Moving ball = moving_ball(0.35f, 8, 0, 0), box = moving_box(0.7f, 0.7f, 0.7f, 2, 0, 0);
+    const float depths[3] = {1, 1.6f, 2.2f};
+    for (int k = 0; k < 6; k++) {
+        const Moving *moving = k % 2 ? &box : &ball;
+        ChiaroWorld *world = make_world(&lit.transport, 4, 1);
+        lit_world(&lit, world);
+        uint32_t id = add_at(world, moving, 0.5f * SIZE, 0.5f * SIZE, depths[k / 2]);
+        settle(world);
+        double half = 0.5 * SIZE, truth = pi * (1 - rectangle_form(half, half, (double)depths[k / 2] - 0.35));
+        double out = light_toward(world, id, moving, vec3(0, 0, -1), 0);
+        /* At 4x4x6 a single light is 0.023 of its peak wrong along the axes; here a whole frame of them lies at the horizon. */
+        assert_near("irradiance from behind the frame", depths[k / 2], out, truth, 0.035 * pi);
+        chiaro_world_destroy(world);
+    }
+    moving_free(&ball);
+    moving_free(&box);
+    lit_free(&lit);
+    mesh_end(&mesh);
+}
+
+/* A black wall before a shining one that looks the same way: what shines is seen beside the edge only. */
+static void a_wall_does_not_take_the_light_of_the_one_behind_it(void **state)
+{
+    (void)state;
+    Mesh mesh = mesh_begin();
+    mesh_material(&mesh, 0, 0);
+    mesh_quad(&mesh, vec3(-10, -10, -1.5f), vec3(0.25f, -10, -1.5f), vec3(0.25f, 10, -1.5f), vec3(-10, 10, -1.5f));
+    mesh_material(&mesh, 0, 1);
+    mesh_quad(&mesh, vec3(-10, -10, -6), vec3(10, -10, -6), vec3(10, 10, -6), vec3(-10, 10, -6));
+    Lit lit = lit_make(&mesh.scene, NULL, 1024);
+    lit_light(&lit, NULL, 0, NULL, NULL);
+    Moving box = moving_box(0.7f, 0.7f, 0.7f, 1, 0, 0);
+    ChiaroWorld *world = make_world(&lit.transport, 4, 1);
+    lit_world(&lit, world);
+    uint32_t id = add_at(world, &box, 0, 0, 0);
+    settle(world);
+    double edge = 0.25 * 5.65 / 1.15, out = light_toward(world, id, &box, vec3(0, 0, -1), 0);
+    double truth = pi / 2 * (rectangle_form(10, 10, 5.65) - rectangle_form(edge, 10, 5.65));
+    assert_near("irradiance past the edge", 0, out, truth, 0.1 * truth);
+    chiaro_world_destroy(world);
+    moving_free(&box);
+    lit_free(&lit);
+    mesh_end(&mesh);
+}
+
 static void a_shining_ball_lights_its_neighbour_by_its_solid_angle(void **state)
 {
     (void)state;
@@ -644,6 +702,8 @@ int main(void)
         cmocka_unit_test(an_even_sky_lights_every_side_alike),
         cmocka_unit_test(light_in_a_furnace_is_even_wherever_the_object_is),
         cmocka_unit_test(a_shining_floor_lights_an_object_by_its_form_factor_from_the_skin),
+        cmocka_unit_test(a_face_toward_an_open_front_is_as_dark_as_the_opening_is_wide),
+        cmocka_unit_test(a_wall_does_not_take_the_light_of_the_one_behind_it),
         cmocka_unit_test(a_shining_ball_lights_its_neighbour_by_its_solid_angle),
         cmocka_unit_test(scale_and_rotation_of_an_object_are_those_of_its_light),
         cmocka_unit_test(lamps_reach_an_object_by_way_of_its_neighbour),

@@ -11,7 +11,8 @@
 enum { DEFAULT_LINKS = 32, DEFAULT_RAYS = 2048, LARGE_SCENE_RAYS = 256, LEAST_RECEIVERS = 4096, MOST_RECEIVERS = 32768 };
 static const float RECEIVER_PART_OF_FREE_PATH = 0.055f;
 static const size_t LARGE_TABLE = (size_t)32 << 20;
-static const float FAR_OUT = 16, NOTABLE_STEP = 1e-4f;
+/* Positions lie on so many steps along a scene's longest edge; of a float's own, steps of this part of it are told. */
+static const double STEPS = 1 << 20, NOTABLE_STEP = 1e-4;
 
 bool chiaro_bake_progress(float done, void *user)
 {
@@ -79,53 +80,81 @@ void chiaro_bake_bounds(Baker *baker)
     }
 }
 
-/* Far from the origin floats are coarse, and rays must start far off their surface. So a scene that lies further out than
- * FAR_OUT of its own sizes is baked by its lowest corner and moved back afterwards. Returns false where memory is short. */
-static bool move_near(Baker *baker, ChiaroScene *near, Vec3 *origin)
+/* Where and how large a scene is, is no affair of its light: it is baked by its lowest corner, its longest edge 1, and
+ * moved back afterwards. So rounding is the same wherever it lies, areas neither overflow nor vanish; and as positions go
+ * to steps of a tenth of what rays resolve, the bake of a scene that came in other units, or from elsewhere, is the same
+ * bit by bit, but for positions that lie on the edge between two steps. */
+typedef struct Frame {
+    double low[3], size;
+} Frame;
+
+static void tell_coarse(const Baker *baker, double size)
 {
-    Vec3 low = vec3_load(baker->info.bounds_min), high = vec3_load(baker->info.bounds_max);
-    float furthest = 0, size = vec3_length(vec3_sub(high, low));
+    float furthest = 0;
     for (int c = 0; c < 3; c++)
         furthest = fmaxf(furthest, fmaxf(fabsf(baker->info.bounds_min[c]), fabsf(baker->info.bounds_max[c])));
-    *origin = vec3(0, 0, 0);
-    if (!(furthest > FAR_OUT * size))
-        return true;
-    ChiaroVertex *vertices = malloc(near->vertex_count * sizeof *vertices);
-    if (!vertices)
-        return false;
-    float step = nextafterf(furthest, INFINITY) - furthest;
+    double step = (double)nextafterf(furthest, INFINITY) - (double)furthest;
     if (step > NOTABLE_STEP * size)
         chiaro_log_write(&baker->desc.log, CHIARO_LOG_WARNING, CHIARO_LOG_BAKE_LIMIT,
                          "%g m from the origin positions lie %g m apart, %.2g of the scene's size: move it nearer",
-                         (double)furthest, (double)step, (double)(step / size));
-    memcpy(vertices, near->vertices, near->vertex_count * sizeof *vertices);
-    for (uint32_t v = 0; v < near->vertex_count; v++)
-        vec3_store(vertices[v].position, vec3_sub(vec3_load(vertices[v].position), low));
+                         (double)furthest, step, step / size);
+}
+
+/* Returns false where memory is short. */
+static bool move_near(const Baker *baker, ChiaroScene *near, Frame *frame)
+{
+    *frame = (Frame){.size = 0};
+    for (int c = 0; c < 3 && near->index_count; c++) {
+        frame->low[c] = (double)baker->info.bounds_min[c];
+        frame->size = fmax(frame->size, (double)baker->info.bounds_max[c] - frame->low[c]);
+    }
+    frame->size = frame->size > 0 ? frame->size : 1;
+    tell_coarse(baker, frame->size);
+    ChiaroVertex *vertices = malloc((near->vertex_count + (size_t)1) * sizeof *vertices);
+    if (!vertices)
+        return false;
+    for (uint32_t v = 0; v < near->vertex_count; v++) {
+        vertices[v] = near->vertices[v];
+        for (int c = 0; c < 3; c++) {
+            double place = ((double)vertices[v].position[c] - frame->low[c]) / frame->size;
+            vertices[v].position[c] = (float)(round(place * STEPS) / STEPS);
+        }
+    }
     near->vertices = vertices;
-    *origin = low;
     return true;
 }
 
-static void move_back(Baker *baker, Vec3 origin)
+static void place_back(const Frame *frame, float position[3])
 {
-    const struct {
-        void *first;
-        uint32_t count;
-        size_t size; /* the position comes first in all of them */
-    } arrays[] = {{baker->samples, baker->sample_count, sizeof *baker->samples},
-                  {baker->points, baker->point_count, sizeof *baker->points},
-                  {baker->receivers, baker->receiver_count, sizeof *baker->receivers},
-                  {baker->vertices, baker->vertex_count, sizeof *baker->vertices}};
-    for (size_t a = 0; a < sizeof arrays / sizeof *arrays; a++) {
-        for (uint32_t i = 0; i < arrays[a].count; i++) {
-            float *position = (float *)(void *)((char *)arrays[a].first + i * arrays[a].size);
-            vec3_store(position, vec3_add(vec3_load(position), origin));
-        }
+    for (int c = 0; c < 3; c++)
+        position[c] = (float)(frame->low[c] + frame->size * (double)position[c]);
+}
+
+static void move_back(Baker *baker, const Frame *frame)
+{
+    float length = (float)frame->size, area = (float)(frame->size * frame->size);
+    for (uint32_t i = 0; i < baker->sample_count; i++) {
+        ChiaroSample *sample = &baker->samples[i];
+        place_back(frame, sample->position);
+        sample->cull *= length, sample->area *= area, baker->leaf_weights[i] *= area;
+    }
+    for (uint32_t i = 0; i < baker->point_count; i++) {
+        place_back(frame, baker->points[i].position);
+        baker->points[i].cull *= length;
     }
     for (uint32_t n = 0; n < baker->node_count; n++) {
-        if (baker->nodes[n].first < baker->sample_count)
-            vec3_store(baker->nodes[n].center, vec3_add(vec3_load(baker->nodes[n].center), origin));
+        if (baker->nodes[n].first >= baker->sample_count)
+            continue; /* the sky is where it is, and as large */
+        place_back(frame, baker->nodes[n].center);
+        baker->nodes[n].radius *= length, baker->nodes[n].area *= area;
     }
+    for (uint32_t r = 0; r < baker->receiver_count; r++) {
+        place_back(frame, baker->receivers[r].position);
+        baker->receivers[r].cavity_distance *= length;
+    }
+    for (uint32_t v = 0; v < baker->vertex_count; v++)
+        place_back(frame, baker->vertices[v].position);
+    baker->info.patch_size *= length;
 }
 
 float *chiaro_bake_table(size_t rows, size_t columns)
@@ -171,7 +200,7 @@ ChiaroResult chiaro_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc, C
     };
     Baker baker = {.scene = scene};
     ChiaroScene near;
-    Vec3 origin;
+    Frame frame;
     if (!scene || !blob)
         return CHIARO_ERROR_ARGUMENT;
     ChiaroResult result = resolve(&baker, desc);
@@ -180,7 +209,7 @@ ChiaroResult chiaro_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc, C
     near = *scene;
     if (result == CHIARO_OK) {
         chiaro_bake_bounds(&baker);
-        result = move_near(&baker, &near, &origin) ? CHIARO_OK : CHIARO_ERROR_MEMORY;
+        result = move_near(&baker, &near, &frame) ? CHIARO_OK : CHIARO_ERROR_MEMORY;
         baker.scene = &near;
     }
     if (result == CHIARO_OK) {
@@ -198,9 +227,8 @@ ChiaroResult chiaro_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc, C
             resolve_from_scene(&baker);
     }
     baker.scene = scene;
-    if (result == CHIARO_OK && near.vertices != scene->vertices)
-        move_back(&baker, origin);
     if (result == CHIARO_OK) {
+        move_back(&baker, &frame);
         chiaro_bake_bounds(&baker);
         result = chiaro_bake_write(&baker, blob);
     }

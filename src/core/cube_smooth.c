@@ -149,8 +149,10 @@ void chiaro_cube_smooth_texel(const ChiaroCubeKernel *kernel, uint32_t texel, co
     }
 }
 
-/* A parabola over a cell of width h lies h^2 / 12 of its second derivative below its chord, on average, in each
- * direction: so much is what differences of neighbours tell. */
+/* A parabola over a cell of width h lies h^2 / 8 of its second derivative below its chord, in the middle, in each
+ * direction: so much is what differences of neighbours tell. In the middle, for there the axes are, along which most
+ * faces of made things look: a distant light, 4x4x6, is then 0.0151 rms of its peak wrong over all normals and 0.0233
+ * along the axes, where h^2 / 12, the mean of the cell, leaves 0.0147 and 0.0270, and nothing 0.0206 and 0.0370. */
 void chiaro_cube_sharpen(const ChiaroCubeKernel *kernel, float *texels)
 {
     float before[CUBE_LANES * CHIARO_CUBE_MAX_TEXELS];
@@ -163,7 +165,7 @@ void chiaro_cube_sharpen(const ChiaroCubeKernel *kernel, float *texels)
         const float *above = before + CUBE_LANES * *(rim - row), *below = before + CUBE_LANES * rim[row];
         for (uint32_t c = 0; c < CUBE_LANES; c++) {
             float bend = left[c] + right[c] + above[c] + below[c] - 4 * before[CUBE_LANES * t + c];
-            texels[CUBE_LANES * t + c] -= bend / 12;
+            texels[CUBE_LANES * t + c] -= bend / 8;
         }
     }
 }

@@ -87,8 +87,8 @@ typedef struct ChiaroCubeSlope {
 void chiaro_cube_sky_slope(const ChiaroCubeKernel *kernel, const ChiaroSky *sky, float *radiance,
                            ChiaroCubeSlope *slopes);
 
-/* Moves texels that are right at their centres so that a bilinear look-up is right on average: between
- * centres it cuts the corners of what is curved. */
+/* Moves texels that are right at their centres so that a bilinear look-up is right in the middle between them: there it
+ * cuts the corners of what is curved. */
 void chiaro_cube_sharpen(const ChiaroCubeKernel *kernel, float *texels);
 
 /* The matrix that smoothing multiplies with, row by row, texel_count squared doubles: for tests. */

@@ -15,18 +15,22 @@
 
 /* In radii of the object's part: static surfaces up to the first count as near, beyond the second as far. */
 static const float NEAR_ALL = 10, NEAR_NONE = 20;
+/* From the skin, a radius nearer, what lies at NEAR_ALL radii takes this much more of the sphere than from the centre. */
+static const float FAR_GROWS = 1.23f;
 /* A node of the tree may be so wide, as a part of its distance and a texel's angle; and must look one way, by the length
  * of its mean normal: a node of both sides of a wall would carry the light of one side to the other. */
 static const float SPAN = 0.25f, ONE_WAY = 0.9f;
-/* A near plate spans no more than this from the nearest skin, or so many radii, unless it is of one ray; and is flat by
- * this cosine. */
-static const float PLATE_SPAN = 0.5f, FINEST = 0.2f, PLATE_FLAT = 0.999f;
+/* A near plate spans no more than this from the nearest skin, or so many radii, unless it is of one ray; is flat by this
+ * cosine, and from one piece to the next it rises by no more than this sine. */
+static const float PLATE_SPAN = 0.5f, FINEST = 0.2f, PLATE_FLAT = 0.999f, PLATE_STEP = 0.1f;
 /* The least cosine under which a ray counts as meeting a surface. */
 static const float GRAZING = 0.03f;
 /* In radii of the object's part: nearer neighbours are seen from the hull. */
 static const float NEAR_OBJECT = 4;
 /* And those that shine by themselves, further off: their light changes with the square of the distance. */
 static const float NEAR_LAMP = 24;
+/* Sharpening raises no light by more than this: a cosine wants 1.04 at 4x4x6. */
+static const float MOST_RAISED = 1.08f;
 /* Rows that see next to nothing are left as they are. */
 static const float LEAST_WEIGHT = 0.01f;
 /* Things less visible are left out of the near sum. */
@@ -268,7 +272,9 @@ static bool join_pieces(const Piece *pieces, uint32_t count, Piece *sum)
     for (uint32_t k = 0; k < count; k++) {
         const Piece *piece = &pieces[k];
         float area = piece->area;
-        if (!(area > 0 && vec3_dot(piece->normal, sum->normal) > PLATE_FLAT && piece->back == sum->back))
+        Vec3 way = vec3_sub(piece->center, pieces[0].center);
+        if (!(area > 0 && vec3_dot(piece->normal, sum->normal) > PLATE_FLAT && piece->back == sum->back &&
+              fabsf(vec3_dot(way, sum->normal)) <= PLATE_STEP * vec3_length(way)))
             return false;
         sum->center = vec3_mad(sum->center, piece->center, area);
         sum->ambient = vec3_mad(sum->ambient, piece->ambient, area);
@@ -389,13 +395,24 @@ static void resolve(Canvas *canvas)
     }
 }
 
-/* What is near, as each normal's own place on the hull sees it. It is nearer from there than from the centre, so what is
- * far has to make room; where both do not fill the row, both grow. */
+/* What is near is nearer from the hull than from the centre, so what is far has to make room; or it has moved aside, as
+ * the frame of a window does, and more of what is far is seen. What both leave of the row then, both fill. */
+static Vec3 fill_row(const float texel[4], const float near[4])
+{
+    float far = fmaxf(0, texel[3]), keep = 1, scale = 1;
+    if (far + near[3] > LEAST_WEIGHT) {
+        keep = chiaro_clamp((1 - near[3]) / fmaxf(far, LEAST_WEIGHT), 0, FAR_GROWS);
+        scale = 1 / (keep * far + near[3]);
+    }
+    return vec3_scale(vec3_mad(vec3_load(near), vec3_load(texel), keep), scale);
+}
+
+/* What is near, as each normal's own place on the hull sees it. */
 static void add_near(Canvas *canvas, uint32_t part, float *texels)
 {
     ChiaroWorld *world = canvas->world;
     const Pose *pose = &canvas->body->pose;
-    float light[4 * CHIARO_CUBE_MAX_TEXELS];
+    float light[4 * CHIARO_CUBE_MAX_TEXELS], sharp[4 * CHIARO_CUBE_MAX_TEXELS];
     uint32_t edge = world->desc.edge, first = edge == 4 ? 0 : edge == 6 ? 96 : 96 + 216;
     const float *hull = canvas->body->object.hull;
     for (uint32_t t = 0; t < world->texel_count; t++) {
@@ -407,17 +424,13 @@ static void add_near(Canvas *canvas, uint32_t part, float *texels)
         Vec3 skin = vec3_scale(pose_turn(pose, vec3_load(place)), pose->scale);
         chiaro_near_sum(&world->near, vec3_add(canvas->center, skin), normal, light + 4 * t);
     }
-    chiaro_cube_sharpen(world->kernel, light);
+    memcpy(sharp, light, 4 * world->texel_count * sizeof *light);
+    chiaro_cube_sharpen(world->kernel, sharp);
     for (uint32_t t = 0; t < world->texel_count; t++) {
         float *texel = texels + 4 * (size_t)t;
-        const float *near = light + 4 * (size_t)t;
-        float far = fmaxf(0, texel[3]), whole = far + near[3], keep = 1, scale = 1;
-        if (whole > 1)
-            keep = near[3] < 1 ? (1 - near[3]) / far : 0, scale = near[3] > 1 ? 1 / near[3] : 1;
-        else if (whole > LEAST_WEIGHT)
-            scale = 1 / whole;
-        for (uint32_t c = 0; c < 3; c++)
-            texel[c] = scale * (keep * texel[c] + near[c]);
+        /* What differs more from its neighbours than a cosine does is an edge, which no look-up rounds off. */
+        Vec3 most = vec3_scale(fill_row(texel, light + 4 * t), MOST_RAISED), value = fill_row(texel, sharp + 4 * t);
+        vec3_store(texel, vec3(fminf(value.x, most.x), fminf(value.y, most.y), fminf(value.z, most.z)));
     }
 }
 
