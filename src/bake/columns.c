@@ -8,7 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LEVEL_STEP = 8 /* rows tell how bright a block is: each so many-th */ };
+enum { LEVEL_STEP = 8 /* rows tell how bright a block is: each so many-th */, NEAR_LEAVES = 64 };
+/* Light that might get in from near by counts this much. */
+static const float SPILL = 0.25f;
 
 /* A training light counts by its brightness to this power, minus one: 1 would heed bright ones only, 0 all alike. */
 static const float LEVEL_POWER = 0.75f;
@@ -19,6 +21,19 @@ static const double COLUMNS_A_LIGHT = 16, LEAST_COLUMNS = 256;
 /* Uniform light and the scene's own emitters count as much as this many training lights. */
 static const float SPECIAL_COLUMNS = 8;
 
+/* Notes for each leaf below `node` the largest node around it that counts as near. */
+static void find_near(Columns *columns, uint32_t index)
+{
+    const ChiaroNode *node = &columns->baker->nodes[index];
+    if (node->count > NEAR_LEAVES) {
+        find_near(columns, node->left);
+        find_near(columns, node->right);
+        return;
+    }
+    for (uint32_t l = node->first; l < node->first + node->count; l++)
+        columns->near[l] = index;
+}
+
 bool chiaro_columns_create(Columns *columns, const Baker *baker)
 {
     const size_t most = COLUMNS_MOST + COLUMNS_SPARE, all = baker->columns + (size_t)baker->more_columns;
@@ -28,8 +43,12 @@ bool chiaro_columns_create(Columns *columns, const Baker *baker)
     columns->level = malloc(all * sizeof *columns->level);
     columns->order = malloc(all * sizeof *columns->order);
     columns->drawn = malloc(all * sizeof *columns->drawn);
-    return columns->index && columns->scale && columns->level && columns->order &&
-           columns->drawn;
+    columns->near = malloc(baker->leaf_count * sizeof *columns->near);
+    columns->near_form = malloc(baker->node_count * sizeof *columns->near_form);
+    if (columns->near)
+        find_near(columns, baker->root);
+    return columns->index && columns->scale && columns->level && columns->order && columns->drawn && columns->near &&
+           columns->near_form;
 }
 
 void chiaro_columns_destroy(Columns *columns)
@@ -39,9 +58,31 @@ void chiaro_columns_destroy(Columns *columns)
     free(columns->level);
     free(columns->order);
     free(columns->drawn);
+    free(columns->near);
+    free(columns->near_form);
 }
 
-/* How bright the block is under each training light: a few of its rows are enough to tell. */
+/* Adds what the rows would get if their leaves were as bright as all that lies near them: the other side of a wall. */
+static void add_spill(Columns *columns, const FitTask *task, const FitRows *rows, uint32_t more)
+{
+    const Baker *baker = columns->baker;
+    memset(columns->near_form, 0, baker->node_count * sizeof *columns->near_form);
+    for (uint32_t r = 0; r < rows->count; r += LEVEL_STEP) {
+        const float *form = rows->form + (size_t)r * rows->leaf_count;
+        for (uint32_t l = 0; l < rows->leaf_count; l++)
+            columns->near_form[columns->near[rows->leaves[l]]] += SPILL * form[l];
+    }
+    for (uint32_t n = 0; n < baker->node_count; n++) {
+        if (!(columns->near_form[n] > 0))
+            continue;
+        chiaro_axpy(columns->level, columns->near_form[n], task->feature + n * (size_t)baker->columns, baker->columns);
+        if (more)
+            chiaro_axpy(columns->level + baker->columns, columns->near_form[n], baker->more + n * (size_t)more, more);
+    }
+}
+
+/* How bright the block is under each training light, or might be where links are wrong: a light that it must not see has to be
+ * taught too. A few of its rows are enough to tell. */
 static void measure_level(Columns *columns, const FitTask *task, const FitRows *rows, uint32_t more)
 {
     const Baker *baker = columns->baker;
@@ -61,6 +102,7 @@ static void measure_level(Columns *columns, const FitTask *task, const FitRows *
                 chiaro_axpy(columns->level + width, form[l], baker->more + (size_t)rows->leaves[l] * more, more);
         }
     }
+    add_spill(columns, task, rows, more);
 }
 
 static int compare_levels(const void *a, const void *b, void *user)
