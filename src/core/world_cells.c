@@ -9,6 +9,8 @@
 static const float NEAR_CELL = 0.25f, FAR_CELL = 0.5f;
 /* In radii. */
 static const float SPARE = 0.01f;
+/* In cells: so far beyond static surfaces there are some, for receivers that rounding puts beside them. */
+static const float MARGIN = 0.1f;
 /* Worlds of few objects need few cells. */
 enum { LEAST_CELLS = 1024, CELLS_AN_OBJECT = 128 };
 
@@ -29,9 +31,20 @@ float chiaro_blocker_window(float distance, float reach)
  * A grid
  */
 
-/* Cells such that all reaches fit in, as fine as their number allows. */
-static void lay_cells(ChiaroBlockerCells *cells, const ChiaroWorldBlockers *all, uint32_t most, float reach, float edge)
+/* Receivers are static surfaces: about a floor, one layer of cells is enough. */
+static void clip_to_surfaces(const ChiaroWorld *world, float margin, float low[3], float high[3])
 {
+    for (uint32_t c = 0; c < 3 && world->tile_count; c++) {
+        low[c] = fmaxf(low[c], world->boxes->low[c] - margin);
+        high[c] = fmaxf(low[c], fminf(high[c], world->boxes->high[c] + margin));
+    }
+}
+
+/* Cells such that all reaches fit in where there are surfaces, as fine as their number allows. */
+static void lay_cells(const ChiaroWorld *world, ChiaroBlockerCells *cells, const ChiaroWorldBlockers *all, float reach,
+                      float edge)
+{
+    const uint32_t most = chiaro_world_cells(world->desc.object_capacity);
     float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY}, mean = 0;
     for (uint32_t b = 0; b < all->blocker_count; b++) {
         const ChiaroWorldBlocker *blocker = &all->blockers[b];
@@ -44,6 +57,7 @@ static void lay_cells(ChiaroBlockerCells *cells, const ChiaroWorldBlockers *all,
     cells->cell_count = cells->entry_count = 0;
     if (!all->blocker_count || !(mean > 0))
         return;
+    clip_to_surfaces(world, MARGIN * edge * mean, low, high);
     memcpy(cells->low, low, sizeof low);
     for (cells->size = edge * mean;; cells->size *= 1.05f) {
         double count = 1;
@@ -257,7 +271,7 @@ static void make_blockers(ChiaroWorld *world, BlockerGrid *grid, bool newest, ui
 static void begin_cells(const ChiaroWorld *world, BlockerGrid *grid)
 {
     Filling filling = filling_of(grid);
-    lay_cells(filling.cells, &grid->view, chiaro_world_cells(world->desc.object_capacity), filling.reach,
+    lay_cells(world, filling.cells, &grid->view, filling.reach,
               grid->stage == BUILD_NEAR_LAY ? NEAR_CELL : FAR_CELL);
     filling.cells->cells = filling.grid->cells, filling.cells->entries = filling.grid->entries;
     memset(filling.grid->cells, 0, filling.cells->cell_count * sizeof *filling.grid->cells);
