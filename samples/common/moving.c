@@ -27,7 +27,7 @@ static bool find_own(const MovingPose *pose, Vec3 from, Vec3 way, float end, Own
 {
     const float *m = pose->transform;
     Vec3 line = vec3_sub(pose->center, from);
-    float along = fmaxf(0, fminf(end, vec3_dot(line, way)));
+    float along = chiaro_clamp(vec3_dot(line, way), 0, end);
     Vec3 miss = vec3_mad(line, way, -along);
     if (vec3_dot(miss, miss) > pose->radius * pose->radius)
         return false;

@@ -203,23 +203,31 @@ static float slab_gap(const ChiaroBlockerCells *cells, const ChiaroWorldBlocker 
     return past * past;
 }
 
-/* The same as enter_object() for a single ball, of which there are many. */
+/* The same as enter_object() for a single ball, of which there are many. What it weighs is asked only where a cell is full. */
 static void enter_ball(const Filling *filling, uint32_t ball)
 {
     const ChiaroBlockerCells *cells = filling->cells;
     const ChiaroWorldBlocker *blocker = &filling->blockers[ball];
-    float reach = filling->reach * blocker->radius, square = blocker->radius * blocker->radius;
+    float reach = filling->reach * blocker->radius, far = reach * reach, square = blocker->radius * blocker->radius;
     uint32_t low[3], high[3], cell[3];
     find_range(filling, ball, ball + 1, low, high);
     for (cell[2] = low[2]; cell[2] <= high[2]; cell[2]++) {
         float slab = slab_gap(cells, blocker, 2, cell[2]);
         for (cell[1] = low[1]; cell[1] <= high[1]; cell[1]++) {
             float row = slab + slab_gap(cells, blocker, 1, cell[1]);
-            for (cell[0] = low[0]; cell[0] <= high[0] && row < reach * reach; cell[0]++) {
+            uint32_t first = cells->count[0] * (cell[1] + cells->count[1] * cell[2]);
+            for (cell[0] = low[0]; cell[0] <= high[0] && row < far; cell[0]++) {
                 float gap = row + slab_gap(cells, blocker, 0, cell[0]);
-                uint32_t number = cell[0] + cells->count[0] * (cell[1] + cells->count[1] * cell[2]);
-                if (gap < reach * reach)
-                    enter(filling, number, cell_corner(cells, cell), &ball, 1, square / fmaxf(gap, square), true);
+                uint32_t *word = &filling->grid->cells[first + cell[0]], held = CHIARO_CELL_BALLS(*word);
+                if (!(gap < far))
+                    continue;
+                if (held == CHIARO_MAX_CELL_BLOCKERS) {
+                    float weight = square / (gap > square ? gap : square);
+                    enter(filling, first + cell[0], cell_corner(cells, cell), &ball, 1, weight, true);
+                    continue;
+                }
+                filling->grid->entries[(size_t)(first + cell[0]) * CHIARO_MAX_CELL_BLOCKERS + held] = ball;
+                *word += 1u << 20;
             }
         }
     }
@@ -263,7 +271,7 @@ static void make_blockers(ChiaroWorld *world, BlockerGrid *grid, bool newest, ui
             continue;
         const float *axes = newest && body->painted ? world->next.axes : world->last.axes;
         grid->view.blocker_count +=
-            chiaro_blockers_make(newest ? &body->now : &body->pose, &body->object, axes + 36 * (size_t)body->first_element,
+            chiaro_blockers_make(newest ? &body->now : &body->pose, body, axes + 36 * (size_t)body->first_element,
                                  grid->cursor, grid->blockers + grid->view.blocker_count);
     }
 }
