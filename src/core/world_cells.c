@@ -49,8 +49,8 @@ static void lay_cells(const ChiaroWorld *world, ChiaroBlockerCells *cells, const
     for (uint32_t b = 0; b < all->blocker_count; b++) {
         const ChiaroWorldBlocker *blocker = &all->blockers[b];
         for (uint32_t c = 0; c < 3; c++) {
-            low[c] = fminf(low[c], blocker->center[c] - reach * blocker->radius);
-            high[c] = fmaxf(high[c], blocker->center[c] + reach * blocker->radius);
+            float from = blocker->center[c] - reach * blocker->radius, to = blocker->center[c] + reach * blocker->radius;
+            low[c] = from < low[c] ? from : low[c], high[c] = to > high[c] ? to : high[c];
         }
         mean += reach * blocker->radius / (float)all->blocker_count;
     }
@@ -421,9 +421,11 @@ static float sum_cell(const BlockerGrid *grid, const float point[3], const float
     for (uint32_t k = 0; k < balls + CHIARO_CELL_OTHERS(word); k++) {
         const ChiaroWorldBlocker *blocker = &grid->blockers[entries[k]];
         Vec3 way = vec3_sub(vec3_load(point), vec3_load(blocker->center));
-        float distance = vec3_length(way), form = blocker_form(blocker, point, normal);
-        float share = chiaro_blocker_window(distance, CHIARO_BLOCKER_NEAR * blocker->radius);
-        float all = chiaro_blocker_window(distance, CHIARO_BLOCKER_REACH * blocker->radius);
+        float distance = vec3_length(way), share = chiaro_blocker_window(distance, CHIARO_BLOCKER_NEAR * blocker->radius);
+        float all = far ? chiaro_blocker_window(distance, CHIARO_BLOCKER_REACH * blocker->radius) : share;
+        if (!(all > 0))
+            continue;
+        float form = blocker_form(blocker, point, normal);
         share = far ? all - share : share;
         if (blocker->object != last) {
             open *= take_object(sum, own, emitted, bounce);
