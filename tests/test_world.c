@@ -630,6 +630,37 @@ static void a_rectangle_blocks_by_lamberts_formula(void **state)
     assert_near("a wall on the floor", 0.5, form, sum, 0.005);
 }
 
+static void cells_lie_about_static_surfaces_and_receivers_there_see_no_difference(void **state)
+{
+    (void)state;
+    Mesh mesh = mesh_begin();
+    mesh_material(&mesh, 0.5f, 0.3f);
+    mesh_quad(&mesh, vec3(-4, 0, 4), vec3(4, 0, 4), vec3(4, 0, -4), vec3(-4, 0, -4));
+    Lit lit = lit_make(&mesh.scene, &even_sky, 64);
+    Moving ball = moving_ball(0.5f, 6, 0.5f, 0);
+    ChiaroWorld *about = make_world(&lit.transport, 4, 4), *open = make_world(NULL, 4, 4);
+    for (int k = 0; k < 3; k++) {
+        add_at(about, &ball, (float)k - 1, 0.5f + 0.3f * (float)k, 0.4f * (float)k);
+        add_at(open, &ball, (float)k - 1, 0.5f + 0.3f * (float)k, 0.4f * (float)k);
+    }
+    ChiaroWorldBlockers blockers;
+    chiaro_world_blockers(about, &blockers);
+    assert_int_equal(blockers.near.count[1], 1);
+    assert_int_equal(blockers.far.count[1], 1);
+    assert_true(blockers.near.count[0] > 4);
+    for (int i = 0; i < 41 * 41; i++) {
+        const float up[3] = {0, 1, 0}, aside = 1e-4f * (float)(i % 3 - 1);
+        const float point[3] = {0.2f * (float)(i % 41) - 4, aside, 0.2f * (float)(i / 41) - 4};
+        float bounce[3];
+        assert_true(chiaro_world_blocked(about, point, up, bounce) == chiaro_world_blocked(open, point, up, bounce));
+    }
+    chiaro_world_destroy(about);
+    chiaro_world_destroy(open);
+    moving_free(&ball);
+    lit_free(&lit);
+    mesh_end(&mesh);
+}
+
 static void a_ball_overhead_blocks_its_form_factor(void **state)
 {
     (void)state;
@@ -710,6 +741,7 @@ int main(void)
         cmocka_unit_test(no_light_comes_through_a_wall),
         cmocka_unit_test(the_number_of_slices_cannot_be_seen),
         cmocka_unit_test(a_rectangle_blocks_by_lamberts_formula),
+        cmocka_unit_test(cells_lie_about_static_surfaces_and_receivers_there_see_no_difference),
         cmocka_unit_test(a_ball_overhead_blocks_its_form_factor),
         cmocka_unit_test(a_box_darkens_the_floor_at_its_foot),
         cmocka_unit_test(two_balls_in_line_do_not_block_more_than_there_is),

@@ -336,7 +336,8 @@ typedef struct ChiaroWorldBlocker {
 } ChiaroWorldBlocker;
 
 /** Which blockers matter where. Cell (x, y, z) of a point is floor((point - low) / size); its number
- * x + count[0] * (y + count[1] * z); outside nothing is blocked. */
+ * x + count[0] * (y + count[1] * z); outside nothing is blocked. Where the world has static surfaces, cells reach no
+ * further than these do. */
 typedef struct ChiaroBlockerCells {
     const uint32_t *cells;   /**< A word each: CHIARO_CELL_FIRST, CHIARO_CELL_BALLS, CHIARO_CELL_OTHERS. */
     const uint32_t *entries; /**< Numbers of blockers; those of one object follow each other. */

@@ -22,29 +22,30 @@ typedef struct OwnRay {
     float size; /* of one of its metres, in the world */
 } OwnRay;
 
-/* False: the ray misses the sphere that holds the object. */
-static bool find_own(const MovingPose *pose, Vec3 from, Vec3 way, float end, OwnRay *own)
+/* Does the ray meet the sphere that holds the object? Most do not, so this is asked apart. */
+static inline bool comes_near(const MovingPose *pose, Vec3 from, Vec3 way, float end)
+{
+    Vec3 line = vec3_sub(pose->center, from);
+    Vec3 miss = vec3_mad(line, way, -chiaro_clamp(vec3_dot(line, way), 0, end));
+    return vec3_dot(miss, miss) <= pose->radius * pose->radius;
+}
+
+static OwnRay own_ray(const MovingPose *pose, Vec3 from, Vec3 way)
 {
     const float *m = pose->transform;
-    Vec3 line = vec3_sub(pose->center, from);
-    float along = fmaxf(0, fminf(end, vec3_dot(line, way)));
-    Vec3 miss = vec3_mad(line, way, -along);
-    if (vec3_dot(miss, miss) > pose->radius * pose->radius)
-        return false;
     Vec3 x = vec3_load(m), y = vec3_load(m + 4), z = vec3_load(m + 8), start = vec3_sub(from, vec3_load(m + 12));
     float size = vec3_length(x), shrink = 1 / vec3_dot(x, x);
-    own->start = vec3_scale(vec3(vec3_dot(x, start), vec3_dot(y, start), vec3_dot(z, start)), shrink);
-    own->way = vec3_scale(vec3(vec3_dot(x, way), vec3_dot(y, way), vec3_dot(z, way)), 1 / size);
-    own->size = size;
-    return true;
+    return (OwnRay){
+        .start = vec3_scale(vec3(vec3_dot(x, start), vec3_dot(y, start), vec3_dot(z, start)), shrink),
+        .way = vec3_scale(vec3(vec3_dot(x, way), vec3_dot(y, way), vec3_dot(z, way)), 1 / size),
+        .size = size};
 }
 
 /* True if the object is in the way. */
 static bool blocks(const ChiaroRays *rays, const MovingPose *pose, Vec3 from, Vec3 way, float end)
 {
-    OwnRay own;
-    return find_own(pose, from, way, end, &own) &&
-           chiaro_rays_blocked(rays, own.start, own.way, 0, end / own.size);
+    OwnRay own = own_ray(pose, from, way);
+    return chiaro_rays_blocked(rays, own.start, own.way, 0, end / own.size);
 }
 
 static bool sees_light(const ChiaroLight *light, const float point[3], const float normal[3], void *user)
@@ -58,7 +59,8 @@ static bool sees_light(const ChiaroLight *light, const float point[3], const flo
     for (uint32_t i = 0; i < moving->objects.count; i++) {
         /* An element of a round thing lies a little within it. */
         Vec3 start = vec3_mad(p, n, START * moving->poses[i].radius);
-        if (blocks(moving->own[i], &moving->poses[i], start, vec3_load(toward), distance))
+        if (comes_near(&moving->poses[i], start, vec3_load(toward), distance) &&
+            blocks(moving->own[i], &moving->poses[i], start, vec3_load(toward), distance))
             return false;
     }
     return true;
@@ -249,13 +251,14 @@ uint32_t moving_pick(const Moving *moving, Vec3 from, Vec3 way, float *distance)
 {
     uint32_t nearest = CHIARO_NONE;
     ChiaroHit hit;
-    OwnRay own;
     *distance = INFINITY;
     if (moving->rays && picture_hit(moving->rays, from, way, INFINITY, &hit))
         *distance = hit.distance;
     for (uint32_t i = 0; i < moving->objects.count; i++) {
-        if (!find_own(&moving->poses[i], from, way, *distance, &own) ||
-            !picture_hit(moving->own[i], own.start, own.way, *distance / own.size, &hit))
+        if (!comes_near(&moving->poses[i], from, way, *distance))
+            continue;
+        OwnRay own = own_ray(&moving->poses[i], from, way);
+        if (!picture_hit(moving->own[i], own.start, own.way, *distance / own.size, &hit))
             continue;
         *distance = hit.distance * own.size;
         nearest = i;

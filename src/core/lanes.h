@@ -6,6 +6,10 @@
 #include <stdint.h>
 #include <string.h>
 
+#ifdef __SSE__
+#include <xmmintrin.h>
+#endif
+
 enum { LANES = 4 };
 typedef float Lanes __attribute__((vector_size(LANES * sizeof(float))));
 typedef int32_t LaneMask __attribute__((vector_size(LANES * sizeof(float))));
@@ -22,15 +26,22 @@ static inline Lanes lanes_choose(LaneMask mask, Lanes a, Lanes b)
 {
     return (Lanes)(((LaneMask)a & mask) | ((LaneMask)b & ~mask));
 }
-static inline Lanes lanes_min(Lanes a, Lanes b) { return lanes_choose(a < b, a, b); }
-static inline Lanes lanes_max(Lanes a, Lanes b) { return lanes_choose(a > b, a, b); }
 static inline float lanes_sum(Lanes a) { return (a[0] + a[1]) + (a[2] + a[3]); }
 
+/* Compilers find no single instruction for these by themselves. */
+#ifdef __SSE__
+static inline Lanes lanes_min(Lanes a, Lanes b) { return _mm_min_ps(a, b); }
+static inline Lanes lanes_max(Lanes a, Lanes b) { return _mm_max_ps(a, b); }
+static inline bool lanes_any(LaneMask mask) { return _mm_movemask_ps((Lanes)mask); }
+#else
+static inline Lanes lanes_min(Lanes a, Lanes b) { return lanes_choose(a < b, a, b); }
+static inline Lanes lanes_max(Lanes a, Lanes b) { return lanes_choose(a > b, a, b); }
 static inline bool lanes_any(LaneMask mask)
 {
     uint64_t words[2];
     memcpy(words, &mask, sizeof words);
     return words[0] | words[1];
 }
+#endif
 
 #endif

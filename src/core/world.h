@@ -230,7 +230,7 @@ void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4]);
 
 /* --- world_blockers.c --- */
 /* All blockers of an object, at most CHIARO_MAX_OBJECT_BLOCKERS. Returns their number. */
-uint32_t chiaro_blockers_make(const Pose *pose, const ChiaroObject *object, const float *axes, uint32_t id,
+uint32_t chiaro_blockers_make(const Pose *pose, const Body *body, const float *axes, uint32_t id,
                               ChiaroWorldBlocker *blockers);
 
 /* --- world_cells.c --- */

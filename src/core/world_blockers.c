@@ -86,10 +86,10 @@ typedef struct Draft {
     bool plate;
 } Draft;
 
-static Vec3 node_emission(const ChiaroObject *object, const ChiaroPrimitive *node)
+static Vec3 node_emission(const ChiaroObject *object, bool shines, const ChiaroPrimitive *node)
 {
     Vec3 sum = {0, 0, 0};
-    for (uint32_t i = node->first; i < node->first + node->count; i++) {
+    for (uint32_t i = node->first; shines && i < node->first + node->count; i++) {
         uint32_t e = object->primitives.elements[i];
         sum = vec3_mad(sum, vec3_load(object->element_more[e].emission), object->elements[e].area / CHIARO_PI);
     }
@@ -122,14 +122,15 @@ static float spread_along(const float s[6], Vec3 a)
            2 * (a.x * a.y * s[3] + a.y * a.z * s[4] + a.z * a.x * s[5]);
 }
 
-static void add_plate(Draft *draft, const ChiaroObject *object, const ChiaroPrimitive *node, const float *axes)
+static void add_plate(Draft *draft, const Body *body, const ChiaroPrimitive *node, const float *axes)
 {
+    const ChiaroObject *object = &body->object;
     float normal[3], intensity[3];
     vec3_store(normal, draft->normal);
     chiaro_primitive_radiate(node, axes, normal, intensity);
     draft->intensity = vec3_add(draft->intensity, vec3_load(intensity));
     draft->projected += chiaro_primitive_projected_area(node, normal);
-    draft->emitted = vec3_add(draft->emitted, node_emission(object, node));
+    draft->emitted = vec3_add(draft->emitted, node_emission(object, body->shines, node));
     for (uint32_t i = node->first; i < node->first + node->count; i++) {
         uint32_t e = object->primitives.elements[i];
         const ChiaroElement *element = &object->elements[e];
@@ -165,10 +166,10 @@ static ChiaroWorldBlocker finish_plate(const Pose *pose, const Draft *draft, uin
     return blocker;
 }
 
-static ChiaroWorldBlocker make_ball(const Pose *pose, const ChiaroObject *object, uint32_t number, const float *axes,
-                                    uint32_t id)
+static ChiaroWorldBlocker make_ball(const Pose *pose, const Body *body, uint32_t number, const float *axes, uint32_t id)
 {
     ChiaroWorldBlocker blocker = {.object = id};
+    const ChiaroObject *object = &body->object;
     const ChiaroPrimitive *node = &object->primitives.nodes[number];
     /* The mean place of a few dozen elements is not quite the middle of a ball, and what they show each way is not quite
      * even: a quarter of their surface. */
@@ -182,19 +183,21 @@ static ChiaroWorldBlocker make_ball(const Pose *pose, const ChiaroObject *object
         for (uint32_t c = 0; c < 3 && projected > 0; c++)
             blocker.radiance[i][c] = intensity[c] / projected;
     }
-    vec3_store(blocker.emission, vec3_scale(node_emission(object, node), node->area > 0 ? 1 / node->area : 0));
+    Vec3 emitted = node_emission(object, body->shines, node);
+    vec3_store(blocker.emission, vec3_scale(emitted, node->area > 0 ? 1 / node->area : 0));
     blocker.radius = pose->scale * sqrtf(node->area / (4 * CHIARO_PI));
     return blocker;
 }
 
 bool chiaro_object_is_ball(const ChiaroObject *object)
 {
-    return chiaro_is_ball(object->primitives.nodes) && vec3_max(node_emission(object, object->primitives.nodes)) <= 0;
+    return chiaro_is_ball(object->primitives.nodes) && vec3_max(node_emission(object, true, object->primitives.nodes)) <= 0;
 }
 
-uint32_t chiaro_blockers_make(const Pose *pose, const ChiaroObject *object, const float *axes, uint32_t id,
+uint32_t chiaro_blockers_make(const Pose *pose, const Body *body, const float *axes, uint32_t id,
                               ChiaroWorldBlocker *blockers)
 {
+    const ChiaroObject *object = &body->object;
     uint32_t chosen[CHIARO_MAX_OBJECT_BLOCKERS], nodes = choose_nodes(&object->primitives, chosen), count = 0;
     Draft drafts[CHIARO_MAX_OBJECT_BLOCKERS];
     for (uint32_t k = 0; k < nodes; k++) {
@@ -208,10 +211,10 @@ uint32_t chiaro_blockers_make(const Pose *pose, const ChiaroObject *object, cons
             d++;
         if (d == count)
             drafts[count++] = begin_plate(node);
-        add_plate(&drafts[d], object, node, axes + 18 * (size_t)chosen[k]);
+        add_plate(&drafts[d], body, node, axes + 18 * (size_t)chosen[k]);
     }
     for (uint32_t d = 0; d < count; d++)
         blockers[d] = drafts[d].plate ? finish_plate(pose, &drafts[d], id)
-                                      : make_ball(pose, object, drafts[d].node, axes + 18 * (size_t)drafts[d].node, id);
+                                      : make_ball(pose, body, drafts[d].node, axes + 18 * (size_t)drafts[d].node, id);
     return count;
 }

@@ -9,6 +9,8 @@
 static const float NEAR_CELL = 0.25f, FAR_CELL = 0.5f;
 /* In radii. */
 static const float SPARE = 0.01f;
+/* In cells: so far beyond static surfaces there are some, for receivers that rounding puts beside them. */
+static const float MARGIN = 0.1f;
 /* Worlds of few objects need few cells. */
 enum { LEAST_CELLS = 1024, CELLS_AN_OBJECT = 128 };
 
@@ -29,21 +31,33 @@ float chiaro_blocker_window(float distance, float reach)
  * A grid
  */
 
-/* Cells such that all reaches fit in, as fine as their number allows. */
-static void lay_cells(ChiaroBlockerCells *cells, const ChiaroWorldBlockers *all, uint32_t most, float reach, float edge)
+/* Receivers are static surfaces: about a floor, one layer of cells is enough. */
+static void clip_to_surfaces(const ChiaroWorld *world, float margin, float low[3], float high[3])
 {
+    for (uint32_t c = 0; c < 3 && world->tile_count; c++) {
+        low[c] = fmaxf(low[c], world->boxes->low[c] - margin);
+        high[c] = fmaxf(low[c], fminf(high[c], world->boxes->high[c] + margin));
+    }
+}
+
+/* Cells such that all reaches fit in where there are surfaces, as fine as their number allows. */
+static void lay_cells(const ChiaroWorld *world, ChiaroBlockerCells *cells, const ChiaroWorldBlockers *all, float reach,
+                      float edge)
+{
+    const uint32_t most = chiaro_world_cells(world->desc.object_capacity);
     float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY}, mean = 0;
     for (uint32_t b = 0; b < all->blocker_count; b++) {
         const ChiaroWorldBlocker *blocker = &all->blockers[b];
         for (uint32_t c = 0; c < 3; c++) {
-            low[c] = fminf(low[c], blocker->center[c] - reach * blocker->radius);
-            high[c] = fmaxf(high[c], blocker->center[c] + reach * blocker->radius);
+            float from = blocker->center[c] - reach * blocker->radius, to = blocker->center[c] + reach * blocker->radius;
+            low[c] = from < low[c] ? from : low[c], high[c] = to > high[c] ? to : high[c];
         }
         mean += reach * blocker->radius / (float)all->blocker_count;
     }
     cells->cell_count = cells->entry_count = 0;
     if (!all->blocker_count || !(mean > 0))
         return;
+    clip_to_surfaces(world, MARGIN * edge * mean, low, high);
     memcpy(cells->low, low, sizeof low);
     for (cells->size = edge * mean;; cells->size *= 1.05f) {
         double count = 1;
@@ -189,23 +203,31 @@ static float slab_gap(const ChiaroBlockerCells *cells, const ChiaroWorldBlocker 
     return past * past;
 }
 
-/* The same as enter_object() for a single ball, of which there are many. */
+/* The same as enter_object() for a single ball, of which there are many. What it weighs is asked only where a cell is full. */
 static void enter_ball(const Filling *filling, uint32_t ball)
 {
     const ChiaroBlockerCells *cells = filling->cells;
     const ChiaroWorldBlocker *blocker = &filling->blockers[ball];
-    float reach = filling->reach * blocker->radius, square = blocker->radius * blocker->radius;
+    float reach = filling->reach * blocker->radius, far = reach * reach, square = blocker->radius * blocker->radius;
     uint32_t low[3], high[3], cell[3];
     find_range(filling, ball, ball + 1, low, high);
     for (cell[2] = low[2]; cell[2] <= high[2]; cell[2]++) {
         float slab = slab_gap(cells, blocker, 2, cell[2]);
         for (cell[1] = low[1]; cell[1] <= high[1]; cell[1]++) {
             float row = slab + slab_gap(cells, blocker, 1, cell[1]);
-            for (cell[0] = low[0]; cell[0] <= high[0] && row < reach * reach; cell[0]++) {
+            uint32_t first = cells->count[0] * (cell[1] + cells->count[1] * cell[2]);
+            for (cell[0] = low[0]; cell[0] <= high[0] && row < far; cell[0]++) {
                 float gap = row + slab_gap(cells, blocker, 0, cell[0]);
-                uint32_t number = cell[0] + cells->count[0] * (cell[1] + cells->count[1] * cell[2]);
-                if (gap < reach * reach)
-                    enter(filling, number, cell_corner(cells, cell), &ball, 1, square / fmaxf(gap, square), true);
+                uint32_t *word = &filling->grid->cells[first + cell[0]], held = CHIARO_CELL_BALLS(*word);
+                if (!(gap < far))
+                    continue;
+                if (held == CHIARO_MAX_CELL_BLOCKERS) {
+                    float weight = square / (gap > square ? gap : square);
+                    enter(filling, first + cell[0], cell_corner(cells, cell), &ball, 1, weight, true);
+                    continue;
+                }
+                filling->grid->entries[(size_t)(first + cell[0]) * CHIARO_MAX_CELL_BLOCKERS + held] = ball;
+                *word += 1u << 20;
             }
         }
     }
@@ -249,7 +271,7 @@ static void make_blockers(ChiaroWorld *world, BlockerGrid *grid, bool newest, ui
             continue;
         const float *axes = newest && body->painted ? world->next.axes : world->last.axes;
         grid->view.blocker_count +=
-            chiaro_blockers_make(newest ? &body->now : &body->pose, &body->object, axes + 36 * (size_t)body->first_element,
+            chiaro_blockers_make(newest ? &body->now : &body->pose, body, axes + 36 * (size_t)body->first_element,
                                  grid->cursor, grid->blockers + grid->view.blocker_count);
     }
 }
@@ -257,7 +279,7 @@ static void make_blockers(ChiaroWorld *world, BlockerGrid *grid, bool newest, ui
 static void begin_cells(const ChiaroWorld *world, BlockerGrid *grid)
 {
     Filling filling = filling_of(grid);
-    lay_cells(filling.cells, &grid->view, chiaro_world_cells(world->desc.object_capacity), filling.reach,
+    lay_cells(world, filling.cells, &grid->view, filling.reach,
               grid->stage == BUILD_NEAR_LAY ? NEAR_CELL : FAR_CELL);
     filling.cells->cells = filling.grid->cells, filling.cells->entries = filling.grid->entries;
     memset(filling.grid->cells, 0, filling.cells->cell_count * sizeof *filling.grid->cells);
@@ -399,9 +421,11 @@ static float sum_cell(const BlockerGrid *grid, const float point[3], const float
     for (uint32_t k = 0; k < balls + CHIARO_CELL_OTHERS(word); k++) {
         const ChiaroWorldBlocker *blocker = &grid->blockers[entries[k]];
         Vec3 way = vec3_sub(vec3_load(point), vec3_load(blocker->center));
-        float distance = vec3_length(way), form = blocker_form(blocker, point, normal);
-        float share = chiaro_blocker_window(distance, CHIARO_BLOCKER_NEAR * blocker->radius);
-        float all = chiaro_blocker_window(distance, CHIARO_BLOCKER_REACH * blocker->radius);
+        float distance = vec3_length(way), share = chiaro_blocker_window(distance, CHIARO_BLOCKER_NEAR * blocker->radius);
+        float all = far ? chiaro_blocker_window(distance, CHIARO_BLOCKER_REACH * blocker->radius) : share;
+        if (!(all > 0))
+            continue;
+        float form = blocker_form(blocker, point, normal);
         share = far ? all - share : share;
         if (blocker->object != last) {
             open *= take_object(sum, own, emitted, bounce);

@@ -230,23 +230,32 @@ static void cross_tile(Packet *packet, const Tile *tile, uint32_t number)
     packet->tile = (packet->tile & ~hit) | (((LaneMask){0} + (int32_t)number) & hit);
 }
 
+/* A box to look into, and where the rays enter it. */
+typedef struct Stop {
+    Lanes in;
+    uint32_t box;
+} Stop;
+
 static void trace(const ChiaroWorld *world, Packet *packet)
 {
-    uint32_t stack[STACK], depth = 0;
-    stack[depth++] = 0;
+    Stop stack[STACK];
+    uint32_t depth = 0;
+    stack[depth++] = (Stop){enter_box(packet, world->boxes), 0};
     while (depth) {
-        const TileBox *box = &world->boxes[stack[--depth]];
-        if (!lanes_any(enter_box(packet, box) < packet->distance))
+        const Stop stop = stack[--depth];
+        const TileBox *box = &world->boxes[stop.box];
+        if (!lanes_any(stop.in < packet->distance))
             continue;
         for (uint32_t i = box->first; i < box->first + box->count; i++)
             cross_tile(packet, &world->tiles[i], i);
         if (box->count)
             continue;
         /* The nearer half is looked at first: what it hits hides the other. */
-        Lanes left = enter_box(packet, &world->boxes[box->first]), right = enter_box(packet, &world->boxes[box->first + 1]);
-        bool left_first = lanes_sum(lanes_min(left, lanes_of(1e30f))) < lanes_sum(lanes_min(right, lanes_of(1e30f)));
-        stack[depth++] = box->first + left_first;
-        stack[depth++] = box->first + !left_first;
+        Stop left = {enter_box(packet, &world->boxes[box->first]), box->first};
+        Stop right = {enter_box(packet, &world->boxes[box->first + 1]), box->first + 1};
+        bool left_first = lanes_sum(lanes_min(left.in, lanes_of(1e30f))) < lanes_sum(lanes_min(right.in, lanes_of(1e30f)));
+        stack[depth++] = left_first ? right : left;
+        stack[depth++] = left_first ? left : right;
     }
 }
 
