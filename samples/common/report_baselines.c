@@ -140,9 +140,7 @@ static void look_up(const Grid *grid, const ChiaroRays *rays, const ChiaroReceiv
             bool up = corner >> c & 1;
             k[c] = cell[c] + up, w *= (double)(up ? part[c] : 1 - part[c]);
         }
-        Vec3 way = vec3_sub(probe_place(grid, k[0], k[1], k[2]), place);
-        float distance = vec3_length(way);
-        if (distance > 0 && chiaro_rays_blocked(rays, place, vec3_scale(way, 1 / distance), 0, distance))
+        if (chiaro_rays_parted(rays, place, probe_place(grid, k[0], k[1], k[2])))
             w *= 1e-3; /* if it sees none of them they must do */
         const double(*probe)[3] = (const double(*)[3])grid->probes[k[0] + PROBES_ALONG * (k[1] + PROBES_ALONG * k[2])];
         for (uint32_t c = 0; c < 3; c++) {
@@ -216,9 +214,7 @@ static uint32_t choose_samples(const ChiaroTransport *t, const ChiaroRays *rays,
         const ChiaroSample *sample = &t->samples[all[k].sample];
         Vec3 target = vec3_mad(vec3_load(sample->position), vec3_load(sample->normal),
                                sample->cull + 4 * chiaro_rays_epsilon(rays));
-        Vec3 way = vec3_sub(target, place);
-        float distance = vec3_length(way);
-        if (!chiaro_rays_blocked(rays, place, vec3_scale(way, 1 / distance), 0, distance))
+        if (!chiaro_rays_parted(rays, place, target))
             chosen[taken++] = all[k];
     }
     return taken;

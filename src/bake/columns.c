@@ -3,12 +3,13 @@
  */
 #include "columns.h"
 
+#include "chiaro_shared.h"
 #include "kernels.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { LEVEL_STEP = 8 /* rows tell how bright a block is: each so many-th */, NEAR_LEAVES = 64 };
+enum { LEVEL_STEP = 8 /* rows tell how bright a block is: each so many-th */ };
 /* Light that might get in from near by counts this much. */
 static const float SPILL = 0.25f;
 
@@ -25,7 +26,7 @@ static const float SPECIAL_COLUMNS = 8;
 static void find_near(Columns *columns, uint32_t index)
 {
     const ChiaroNode *node = &columns->baker->nodes[index];
-    if (node->count > NEAR_LEAVES) {
+    if (node->count > CHIARO_SMALL_NODE) {
         find_near(columns, node->left);
         find_near(columns, node->right);
         return;

@@ -16,7 +16,7 @@ typedef struct Columns {
     float *level;    /* [column of either table]: how bright the block is under it */
     uint32_t *order; /* scratch */
     float *drawn;    /* scratch: what each column is multiplied with; 0: not taken */
-    uint32_t *near;  /* [leaf]: the node of what lies near it */
+    uint32_t *near;  /* [leaf]: the largest node around it of at most CHIARO_SMALL_NODE leaves */
     float *near_form; /* [node]: form factors of the rows */
     double lights;   /* training lights that share in the block's light, as if all were equally bright */
 } Columns;

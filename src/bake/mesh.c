@@ -484,9 +484,7 @@ static void move_outside(Receivers *receivers)
 static bool is_parted(const Mesh *mesh, const Draft *a, const Draft *b)
 {
     float height = SAME_PLACE * mesh->unit / 4;
-    Vec3 from = vec3_mad(a->place, a->plane, height), way = vec3_sub(vec3_mad(b->place, b->plane, height), from);
-    float distance = vec3_length(way);
-    return distance > 0 && chiaro_rays_blocked(mesh->baker->rays, from, vec3_scale(way, 1 / distance), 0, distance);
+    return chiaro_rays_parted(mesh->baker->rays, vec3_mad(a->place, a->plane, height), vec3_mad(b->place, b->plane, height));
 }
 
 /* Corners of fine detail that lie close together and look the same way, about, share a receiver. */

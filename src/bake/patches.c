@@ -239,9 +239,7 @@ static uint32_t split_at_walls(uint32_t *order, uint32_t count, void *user)
     Vec3 from = hovers->places[order[0]];
     uint32_t left = 1;
     for (uint32_t k = 1; k < count; k++) {
-        Vec3 way = vec3_sub(hovers->places[order[k]], from);
-        float distance = vec3_length(way);
-        if (distance > 0 && chiaro_rays_blocked(hovers->baker->rays, from, vec3_scale(way, 1 / distance), 0, distance))
+        if (chiaro_rays_parted(hovers->baker->rays, from, hovers->places[order[k]]))
             continue;
         uint32_t small = order[k];
         order[k] = order[left], order[left++] = small;

@@ -227,6 +227,13 @@ bool chiaro_rays_blocked(const ChiaroRays *rays, Vec3 origin, Vec3 direction, fl
     return ray.tfar < 0;
 }
 
+bool chiaro_rays_parted(const ChiaroRays *rays, Vec3 from, Vec3 to)
+{
+    Vec3 way = vec3_sub(to, from);
+    float distance = vec3_length(way);
+    return distance > 0 && chiaro_rays_blocked(rays, from, vec3_scale(way, 1 / distance), 0, distance);
+}
+
 float chiaro_rays_epsilon(const ChiaroRays *rays) { return rays->epsilon; }
 
 bool chiaro_rays_light_visible(const ChiaroRays *rays, const ChiaroLight *light, Vec3 point, Vec3 normal)

@@ -26,6 +26,8 @@ bool chiaro_rays_hit(const ChiaroRays *rays, Vec3 origin, Vec3 direction, float 
 
 /* True if anything is in (tmin, tmax); any thread. */
 bool chiaro_rays_blocked(const ChiaroRays *rays, Vec3 origin, Vec3 direction, float tmin, float tmax);
+/* True if anything stands between two places. */
+bool chiaro_rays_parted(const ChiaroRays *rays, Vec3 from, Vec3 to);
 
 /* A length below which geometry of this scene is not resolved: for tmin and for starting points off a surface.
  * 1e-5 of the bounding box's diagonal, or 1e-6 of the largest coordinate (8 steps of a float) where that is more. */

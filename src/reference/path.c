@@ -98,10 +98,8 @@ static Vec3 free_direction(const Place *place, Pair pair)
 /* True if two points off their surfaces see each other. */
 static bool joined(const World *world, Vec3 from, Vec3 to, uint64_t *rays)
 {
-    Vec3 line = vec3_sub(to, from);
-    float distance = vec3_length(line);
     (*rays)++;
-    return !chiaro_rays_blocked(world->rays, from, vec3_scale(line, 1 / distance), 0, distance);
+    return !chiaro_rays_parted(world->rays, from, to);
 }
 
 /* ------------------------------------------------------------------------------------------------------------------
