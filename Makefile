@@ -166,6 +166,12 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_COMMON) $(COMMON_SAMPLES) $(REFERENCE) $
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS_ALL) -o $@ $^ -lcmocka $(BAKE_LIBS) $(IO_LIBS) $(VULKAN_LIBS)
 
+# What a program under the address sanitizer loads stays loaded (tests/run.sh).
+KEEP_LOADED := $(if $(filter sanitize,$(config)),$(B)/tests/keep_loaded.so)
+$(B)/tests/keep_loaded.so: tests/sanitize/keep_loaded.c
+	@mkdir -p $(@D)
+	$(CC) -std=c11 $(C_WARNINGS) -fPIC -shared -o $@ $<
+
 $(B)/tests/test_view: VULKAN_LIBS += -lstb -lX11 -lXtst
 $(B)/spirv/tests/%.h: tests/glsl/%.glsl $(wildcard glsl/*.glsl glsl/*.h)
 	@mkdir -p $(@D)
@@ -175,7 +181,7 @@ $(B)/tests/test_old_host: $(B)/obj/tests/abi/new_host.o
 $(addprefix $(B)/tests/test_,plugin old_host embed): | $(PLUGIN) $(EMBEDS)
 
 # ---- jobs ------------------------------------------------------------------------------------------------------------
-test: all $(TESTS) other ## build and run every test
+test: all $(TESTS) $(KEEP_LOADED) other ## build and run every test (config=sanitize, config=thread: 0 reports)
 	@tests/run.sh $(B)
 
 stability: $(filter %/test_stability_%,$(TESTS)) other ## the table of extreme cases: expected, got, error, pass or fail

@@ -18,6 +18,16 @@ fi
 unset VK_ICD_FILENAMES VK_ADD_DRIVER_FILES
 export VK_DRIVER_FILES="$driver"
 
+# Sanitizers report what is ours: drivers and layers are left out, each by its name.
+lists="$PWD/tests/sanitize"
+export TSAN_OPTIONS="suppressions=$lists/thread.supp ${TSAN_OPTIONS:-}"
+export LSAN_OPTIONS="suppressions=$lists/leak.supp print_suppressions=0 ${LSAN_OPTIONS:-}"
+export UBSAN_OPTIONS="print_stacktrace=1 ${UBSAN_OPTIONS:-}"
+if [ -f "$build/tests/keep_loaded.so" ]; then
+    LD_PRELOAD=$(cd "$build/tests" && pwd)/keep_loaded.so
+    export LD_PRELOAD ASAN_OPTIONS="verify_asan_link_order=0 ${ASAN_OPTIONS:-}"
+fi
+
 mkdir -p "$build/tests/out" build/tests/out || exit 1
 work=$(mktemp -d "$build/tests/out/run.XXXXXX") || exit 1
 work=$(cd "$work" && pwd)
