@@ -141,7 +141,8 @@ static ChiaroResult make_world(ChiaroWorld *world)
     if (!world->sky || !world->sky_slopes || !world->bodies || !world->slot_taken || !world->slot_body ||
         !world->slot_painted || !world->element_taken || !world->encoded || !world->scales || !world->radiosity ||
         !make_neighbours(world) || !make_kernel(world) || !make_shine(world, &world->last) ||
-        !make_shine(world, &world->next) || !make_grid(world, &world->grid) || !make_grid(world, &world->shown))
+        !make_shine(world, &world->next) || !make_grid(world, &world->grid) || !make_grid(world, &world->shown) ||
+        !chiaro_world_canvases(world))
         return CHIARO_ERROR_MEMORY;
     return make_static(world);
 }
@@ -176,7 +177,7 @@ void chiaro_world_destroy(ChiaroWorld *world)
                    world->radiosity, world->neighbour_memory, world->neighbour_objects, world->kernel_memory,
                    world->last.texels, world->last.axes, world->next.texels, world->next.axes,
                    world->roots, world->parent, world->stack, world->tiles, world->tile_leaf, world->boxes,
-                   world->rays, world->hits, world->light.lights,
+                   world->rays, world->canvas, world->asked, world->light.lights,
                    world->light.total, world->light.ambient, world->coming.lights, world->coming.total,
                    world->coming.ambient};
     for (uint32_t k = 0; k < 2; k++) {

@@ -143,7 +143,6 @@ struct ChiaroWorld {
     TileBox *boxes;
     uint32_t *tile_leaf, tile_count;
     StaticRay *rays;
-    StaticHit *hits; /* of the rays of one cube */
     uint32_t ray_count;
     StaticLight light, coming;   /* of the round; of the next one */
     bool light_comes;
@@ -157,12 +156,13 @@ struct ChiaroWorld {
     void *kernel_memory;
     uint32_t rounds_left, stage, cursor, tick; /* of the round: ROUND_, next body, tick of the lists */
     uint32_t unpainted;                        /* bodies that the round has yet to paint */
+    uint32_t painting, paint_step;             /* body that is painted, and how far; CHIARO_NONE: none is begun */
     float most_changed, most_changing;         /* what urgency is measured by: of the last round, of this one */
     bool has_eye;
     Vec3 eye, forward;
     BlockerGrid grid, shown;      /* as the round sees it; as the host does */
 
-    Near near;
+    struct Canvas *canvas, *asked; /* of the cube that is painted; of one that the host asks for */
     uint32_t *stack;
     float *radiosity; /* of the elements of one object */
 };
@@ -213,12 +213,17 @@ bool chiaro_static_tiles(ChiaroWorld *world);
 bool chiaro_static_boxes(ChiaroWorld *world);
 /* The rays of a cube: four by four side by side make a block, two by two a quarter of it. False: out of memory. */
 bool chiaro_static_rays(ChiaroWorld *world);
-/* What each of them meets, into `hits`. */
-void chiaro_static_trace(ChiaroWorld *world, Vec3 from);
+/* What each ray of a block meets. */
+void chiaro_static_trace(const ChiaroWorld *world, Vec3 from, uint32_t first, StaticHit hits[WORLD_BLOCK]);
 
 /* --- world_paint.c --- */
-/* Repaints all cubes of a body and lights its elements, from `last` into `next`. */
-void chiaro_world_paint(ChiaroWorld *world, uint32_t id);
+/* Room for the cube that is painted, and for one that is asked for meanwhile; false: out of memory. */
+bool chiaro_world_canvases(ChiaroWorld *world);
+/* Steps that the cube of a part takes: each about as long as any other. */
+uint32_t chiaro_world_steps(const ChiaroWorld *world);
+/* Repaints all cubes of a body and lights its elements, from `last` into `next`, in so many steps a call. True: all is
+ * done. A body that was begun is ended before the next one, unless it goes. */
+bool chiaro_world_paint(ChiaroWorld *world, uint32_t id, uint32_t steps);
 /* The same for a cube at any place; texels as in Shine. */
 void chiaro_world_paint_at(ChiaroWorld *world, Vec3 center, float radius, float *texels);
 Vec3 chiaro_world_direct(const ChiaroWorld *world, Vec3 point, Vec3 normal);

@@ -38,9 +38,14 @@ static const float LEAST_VISIBLE = 0.01f;
 
 enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS };
 
+/* A cube is painted in steps, so that a frame can stop between any two of them: its neighbours; blocks of rays; sky and
+ * smoothing; what is near, for some texels at a time. */
+enum { BLOCKS_A_STEP = 6, TEXELS_A_STEP = 24, OTHER_STEPS = 2 };
+
 typedef struct Canvas {
     ChiaroWorld *world;
     const Body *body;
+    uint32_t part;
     Vec3 center;
     float radius;
     ChiaroCubeTexel near[CHIARO_CUBE_MAX_TEXELS], far[CHIARO_CUBE_MAX_TEXELS]; /* neighbours */
@@ -50,6 +55,8 @@ typedef struct Canvas {
     float before_near[CHIARO_CUBE_MAX_TEXELS], before_far[CHIARO_CUBE_MAX_TEXELS]; /* of it, in front of neighbours */
     float near_share[CHIARO_CUBE_MAX_TEXELS];     /* of it, near */
     float radiance[4 * CHIARO_CUBE_MAX_TEXELS];
+    Near near_things;
+    float near_light[4 * CHIARO_CUBE_MAX_TEXELS]; /* theirs, by normals */
 } Canvas;
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -158,7 +165,7 @@ static void paint_node(Canvas *canvas, const Body *other, uint32_t number, bool 
     if (!thing.ball)
         thing.area = node->area * vec3_length(normal) * square;
     thing.normal = vec3_normalize(pose_turn(pose, normal));
-    chiaro_near_add(&canvas->world->near, &thing);
+    chiaro_near_add(&canvas->near_things, &thing);
 }
 
 static void paint_neighbours(Canvas *canvas, uint32_t id)
@@ -262,7 +269,7 @@ static void add_plate(Canvas *canvas, const Piece *piece, Vec3 radiance)
     NearThing thing = {.center = piece->center, .normal = piece->normal, .area = piece->area, .visible = piece->visible,
                        .radiance = radiance};
     if (piece->visible > LEAST_VISIBLE)
-        chiaro_near_add(&canvas->world->near, &thing);
+        chiaro_near_add(&canvas->near_things, &thing);
 }
 
 /* The mean of pieces side by side; false: they are not one plate. */
@@ -347,18 +354,18 @@ static void take_ray(Canvas *canvas, const StaticRay *ray, const StaticHit *hit,
     }
 }
 
-static void paint_static(Canvas *canvas)
+static void paint_blocks(Canvas *canvas, uint32_t first)
 {
-    ChiaroWorld *world = canvas->world;
+    const ChiaroWorld *world = canvas->world;
     float span = SPAN * CHIARO_PI / 2 / (float)world->desc.edge;
-    if (!world->tile_count)
-        return;
-    chiaro_static_trace(world, canvas->center);
-    for (uint32_t r = 0; r < world->ray_count; r += WORLD_BLOCK) {
+    uint32_t end = first + BLOCKS_A_STEP * WORLD_BLOCK;
+    for (uint32_t r = first; r < end && r < world->ray_count; r += WORLD_BLOCK) {
+        StaticHit hits[WORLD_BLOCK];
         Piece pieces[WORLD_BLOCK] = {{.area = 0}};
+        chiaro_static_trace(world, canvas->center, r, hits);
         for (uint32_t k = 0; k < WORLD_BLOCK; k++) {
-            if (world->hits[r + k].tile != CHIARO_NONE)
-                take_ray(canvas, &world->rays[r + k], &world->hits[r + k], span, &pieces[k]);
+            if (hits[k].tile != CHIARO_NONE)
+                take_ray(canvas, &world->rays[r + k], &hits[k], span, &pieces[k]);
         }
         add_pieces(canvas, pieces, WORLD_BLOCK);
     }
@@ -407,23 +414,33 @@ static Vec3 fill_row(const float texel[4], const float near[4])
     return vec3_scale(vec3_mad(vec3_load(near), vec3_load(texel), keep), scale);
 }
 
+static bool has_near(const Canvas *canvas) { return canvas->near_things.plate_count || canvas->near_things.ball_count; }
+
 /* What is near, as each normal's own place on the hull sees it. */
-static void add_near(Canvas *canvas, uint32_t part, float *texels)
+static void sum_near(Canvas *canvas, uint32_t first)
 {
-    ChiaroWorld *world = canvas->world;
+    const ChiaroWorld *world = canvas->world;
     const Pose *pose = &canvas->body->pose;
-    float light[4 * CHIARO_CUBE_MAX_TEXELS], sharp[4 * CHIARO_CUBE_MAX_TEXELS];
-    uint32_t edge = world->desc.edge, first = edge == 4 ? 0 : edge == 6 ? 96 : 96 + 216;
+    uint32_t edge = world->desc.edge, row = edge == 4 ? 0 : edge == 6 ? 96 : 96 + 216;
     const float *hull = canvas->body->object.hull;
-    for (uint32_t t = 0; t < world->texel_count; t++) {
+    for (uint32_t t = first; has_near(canvas) && t < first + TEXELS_A_STEP && t < world->texel_count; t++) {
         Vec3 normal = vec3_load(world->kernel->centre[t]);
         float local[3], place[4] = {0};
         vec3_store(local, pose_turn_back(pose, normal));
         if (hull)
-            chiaro_cube_look_up(world->kernel, hull + 4 * ((size_t)part * CHIARO_HULL_TEXELS + first), local, place);
+            chiaro_cube_look_up(world->kernel, hull + 4 * ((size_t)canvas->part * CHIARO_HULL_TEXELS + row), local, place);
         Vec3 skin = vec3_scale(pose_turn(pose, vec3_load(place)), pose->scale);
-        chiaro_near_sum(&world->near, vec3_add(canvas->center, skin), normal, light + 4 * t);
+        chiaro_near_sum(&canvas->near_things, vec3_add(canvas->center, skin), normal, canvas->near_light + 4 * t);
     }
+}
+
+static void add_near(const Canvas *canvas, float *texels)
+{
+    const ChiaroWorld *world = canvas->world;
+    const float *light = canvas->near_light;
+    float sharp[4 * CHIARO_CUBE_MAX_TEXELS];
+    if (!has_near(canvas))
+        return;
     memcpy(sharp, light, 4 * world->texel_count * sizeof *light);
     chiaro_cube_sharpen(world->kernel, sharp);
     for (uint32_t t = 0; t < world->texel_count; t++) {
@@ -434,22 +451,23 @@ static void add_near(Canvas *canvas, uint32_t part, float *texels)
     }
 }
 
-/* `id`: of the object that is there; CHIARO_NONE: none. What is near goes to its own list. */
-static void paint_center(Canvas *canvas, uint32_t id, Vec3 center, float radius, float *texels)
+/* `id`: of the object that is there; CHIARO_NONE: none. */
+static void begin(Canvas *canvas, uint32_t id)
 {
-    ChiaroWorld *world = canvas->world;
     memset(canvas->full, 0, sizeof canvas->full);
     memset(canvas->covered, 0, sizeof canvas->covered);
     memset(canvas->before_near, 0, sizeof canvas->before_near);
     memset(canvas->before_far, 0, sizeof canvas->before_far);
     memset(canvas->near_share, 0, sizeof canvas->near_share);
     memset(canvas->radiance, 0, sizeof canvas->radiance);
-    world->near.plate_count = world->near.ball_count = 0;
+    canvas->near_things.plate_count = canvas->near_things.ball_count = 0;
     canvas->any_near = canvas->any_far = false;
-    canvas->center = center;
-    canvas->radius = radius;
     paint_neighbours(canvas, id);
-    paint_static(canvas);
+}
+
+static void smooth(Canvas *canvas, float *texels)
+{
+    const ChiaroWorld *world = canvas->world;
     resolve(canvas);
     if (world->without & CHIARO_WORLD_WITHOUT_SMOOTHING)
         memcpy(texels, canvas->radiance, sizeof canvas->radiance[0] * 4 * world->texel_count);
@@ -457,17 +475,39 @@ static void paint_center(Canvas *canvas, uint32_t id, Vec3 center, float radius,
         chiaro_cube_smooth(world->kernel, canvas->radiance, texels);
 }
 
-static void paint_part(Canvas *canvas, uint32_t id, uint32_t part)
+static uint32_t ray_steps(const ChiaroWorld *world)
 {
-    ChiaroWorld *world = canvas->world;
-    const Body *body = canvas->body;
-    const ChiaroObjectPart *from = &body->object.parts[part];
-    float *texels = world->next.texels + 4 * (size_t)(body->first_slot + part) * world->texel_count;
-    paint_center(canvas, id, pose_point(&body->pose, vec3_load(from->center)), from->radius * body->pose.scale, texels);
-    if (world->near.plate_count || world->near.ball_count)
-        add_near(canvas, part, texels);
-    for (uint32_t t = 0; t < world->texel_count; t++)
-        texels[4 * t + 3] = 1;
+    uint32_t rays = BLOCKS_A_STEP * WORLD_BLOCK;
+    return world->tile_count ? (world->ray_count + rays - 1) / rays : 0;
+}
+
+uint32_t chiaro_world_steps(const ChiaroWorld *world)
+{
+    return OTHER_STEPS + ray_steps(world) + (world->texel_count + TEXELS_A_STEP - 1) / TEXELS_A_STEP;
+}
+
+static void paint_step(Canvas *canvas, uint32_t id, uint32_t step, float *texels)
+{
+    const ChiaroWorld *world = canvas->world;
+    uint32_t rays = ray_steps(world);
+    if (step == 0)
+        begin(canvas, id);
+    else if (step <= rays)
+        paint_blocks(canvas, (step - 1) * BLOCKS_A_STEP * WORLD_BLOCK);
+    else if (step == rays + 1)
+        smooth(canvas, texels);
+    else
+        sum_near(canvas, (step - rays - OTHER_STEPS) * TEXELS_A_STEP);
+    if (step + 1 == chiaro_world_steps(world))
+        add_near(canvas, texels);
+}
+
+bool chiaro_world_canvases(ChiaroWorld *world)
+{
+    world->canvas = chiaro_world_alloc(world, 1, sizeof *world->canvas);
+    world->asked = chiaro_world_alloc(world, 1, sizeof *world->asked);
+    world->painting = CHIARO_NONE;
+    return world->canvas && world->asked;
 }
 
 /* Light of lamps on a point, each asked whether it is seen. */
@@ -512,20 +552,44 @@ static void light_elements(ChiaroWorld *world, const Body *body)
                           world->next.axes + 36 * (size_t)body->first_element);
 }
 
-void chiaro_world_paint(ChiaroWorld *world, uint32_t id)
+/* The canvas of a part, and the cube that it goes to. */
+static float *begin_part(ChiaroWorld *world, const Body *body, uint32_t part)
 {
-    Canvas canvas = {.world = world, .body = &world->bodies[id]};
-    for (uint32_t part = 0; part < canvas.body->object.part_count; part++)
-        paint_part(&canvas, id, part);
-    light_elements(world, canvas.body);
+    const ChiaroObjectPart *from = &body->object.parts[part];
+    Canvas *canvas = world->canvas;
+    canvas->world = world, canvas->body = body, canvas->part = part;
+    canvas->center = pose_point(&body->pose, vec3_load(from->center));
+    canvas->radius = from->radius * body->pose.scale;
+    return world->next.texels + 4 * (size_t)(body->first_slot + part) * world->texel_count;
+}
+
+bool chiaro_world_paint(ChiaroWorld *world, uint32_t id, uint32_t steps)
+{
+    const Body *body = &world->bodies[id];
+    uint32_t a_part = chiaro_world_steps(world), end = a_part * body->object.part_count;
+    if (world->painting != id)
+        world->painting = id, world->paint_step = 0;
+    for (; steps > 0 && world->paint_step < end; steps--) {
+        uint32_t step = world->paint_step++;
+        float *texels = begin_part(world, body, step / a_part);
+        paint_step(world->canvas, id, step % a_part, texels);
+        for (uint32_t t = 0; (step + 1) % a_part == 0 && t < world->texel_count; t++)
+            texels[4 * t + 3] = 1;
+    }
+    if (world->paint_step < end)
+        return false;
+    light_elements(world, body);
+    world->painting = CHIARO_NONE;
+    return true;
 }
 
 /* Seen from the place itself: a point has no skin. */
 void chiaro_world_paint_at(ChiaroWorld *world, Vec3 center, float radius, float *texels)
 {
     Body point = {.pose = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, center, 1}};
-    Canvas canvas = {.world = world, .body = &point};
-    paint_center(&canvas, CHIARO_NONE, center, radius, texels);
-    if (world->near.plate_count || world->near.ball_count)
-        add_near(&canvas, 0, texels);
+    Canvas *canvas = world->asked;
+    canvas->world = world, canvas->body = &point, canvas->part = 0;
+    canvas->center = center, canvas->radius = radius;
+    for (uint32_t step = 0; step < chiaro_world_steps(world); step++)
+        paint_step(canvas, CHIARO_NONE, step, texels);
 }

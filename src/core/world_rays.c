@@ -161,8 +161,7 @@ bool chiaro_static_rays(ChiaroWorld *world)
     uint32_t edge = world->desc.edge == 8 ? RAYS_EDGE_EIGHT : RAYS_EDGE, count = 6 * edge * edge, made = 0;
     float sums[CHIARO_CUBE_MAX_TEXELS] = {0};
     world->rays = chiaro_world_alloc(world, count, sizeof *world->rays);
-    world->hits = chiaro_world_alloc(world, count, sizeof *world->hits);
-    if (!world->rays || !world->hits)
+    if (!world->rays)
         return false;
     world->ray_count = count;
     for (uint32_t block = 0; block < count / WORLD_BLOCK; block++) {
@@ -259,18 +258,18 @@ static void trace(const ChiaroWorld *world, Packet *packet)
     }
 }
 
-void chiaro_static_trace(ChiaroWorld *world, Vec3 from)
+void chiaro_static_trace(const ChiaroWorld *world, Vec3 from, uint32_t first, StaticHit hits[WORLD_BLOCK])
 {
-    for (uint32_t r = 0; r < world->ray_count; r += LANES) {
+    for (uint32_t r = 0; r < WORLD_BLOCK; r += LANES) {
         Packet packet = {.from = from, .distance = lanes_of(INFINITY), .tile = (LaneMask){0} - 1};
         for (uint32_t k = 0; k < LANES; k++) {
-            Vec3 way = world->rays[r + k].direction;
+            Vec3 way = world->rays[first + r + k].direction;
             packet.way[0][k] = way.x, packet.way[1][k] = way.y, packet.way[2][k] = way.z;
         }
         for (uint32_t c = 0; c < 3; c++)
             packet.inverse[c] = 1 / packet.way[c];
         trace(world, &packet);
         for (uint32_t k = 0; k < LANES; k++)
-            world->hits[r + k] = (StaticHit){packet.distance[k], (uint32_t)packet.tile[k]};
+            hits[r + k] = (StaticHit){packet.distance[k], (uint32_t)packet.tile[k]};
     }
 }

@@ -14,7 +14,7 @@ enum { ROUND_NONE, ROUND_OBJECTS, ROUND_LISTS, ROUND_BLOCKERS, ROUND_PAINT };
 
 /* Kinds of items, as the kernel learns what they take; units of each, by measurement about a microsecond. */
 enum { KIND_PAINT = ROUND_PAINT, KIND_PAINT_STATIC, KIND_SHOWN, KIND_LAY };
-enum { PAINT_UNITS = 16, PAINT_STATIC_UNITS = 100, OBJECTS_A_UNIT = 16, LISTS_A_UNIT = 1, BLOCKERS_A_UNIT = 1 };
+enum { PAINT_UNITS = 16, STEP_UNITS = 12, OBJECTS_A_UNIT = 16, LISTS_A_UNIT = 1, BLOCKERS_A_UNIT = 1 };
 /* Units of a slice; where jobs share it, it is worth their while. */
 enum { SLICE_UNITS = 8, BLOCKERS_SLICE = 2, SHARED_SLICE = 256 };
 
@@ -40,6 +40,7 @@ void chiaro_world_forget(ChiaroWorld *world, uint32_t id)
     if (world->stage == ROUND_PAINT && body->present && !body->painted)
         world->unpainted--;
     chiaro_kernel_drop(world->kernel_of_rounds, id);
+    world->painting = world->painting == id ? CHIARO_NONE : world->painting;
 }
 
 void chiaro_world_eye(ChiaroWorld *world, const float eye[3], const float forward[3])
@@ -162,6 +163,7 @@ static float urgency_of(const ChiaroWorld *world, const Body *body)
 static void begin_painting(ChiaroWorld *world)
 {
     bool lit = world->root_count > 0;
+    uint32_t a_part = lit ? STEP_UNITS * chiaro_world_steps(world) : PAINT_UNITS;
     enter_stage(world, ROUND_PAINT);
     world->unpainted = 0;
     for (uint32_t n = 0; n < world->body_end; n++) {
@@ -170,7 +172,7 @@ static void begin_painting(ChiaroWorld *world)
             continue;
         world->unpainted++;
         chiaro_kernel_due(world->kernel_of_rounds, n, lit ? KIND_PAINT_STATIC : KIND_PAINT, urgency_of(world, body),
-                          body->object.part_count * (lit ? PAINT_STATIC_UNITS : PAINT_UNITS), 0);
+                          body->object.part_count * a_part, lit ? STEP_UNITS : 0);
     }
 }
 
@@ -245,12 +247,13 @@ static void end_round(ChiaroWorld *world)
     world->rounds_left--;
 }
 
-/* Returns the number of slots, which are put into `painted`. */
-static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t *painted)
+/* A slice of it. Returns the number of slots that are painted now, which are put into `painted`. */
+static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t units, uint32_t *painted)
 {
     Body *body = &world->bodies[id];
+    if (!chiaro_world_paint(world, id, world->root_count > 0 ? units / STEP_UNITS : UINT32_MAX))
+        return 0;
     world->unpainted--;
-    chiaro_world_paint(world, id);
     body->painted = true;
     publish(world, body);
     for (uint32_t p = 0; painted && p < body->object.part_count; p++)
@@ -301,7 +304,7 @@ static uint32_t work(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, ui
     while (count < cubes && count + CHIARO_MAX_OBJECT_PARTS <= capacity &&
            (item = chiaro_kernel_next(world->kernel_of_rounds, &units)) != CHIARO_NONE) {
         if (item < world->desc.object_capacity)
-            count += paint_body(world, item, painted ? painted + count : NULL);
+            count += paint_body(world, item, units, painted ? painted + count : NULL);
         else if (item == world->desc.object_capacity + TASK_SHOWN)
             work_on_shown(world, units);
         else
