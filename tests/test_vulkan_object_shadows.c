@@ -210,6 +210,32 @@ static float floor_color(ChiaroWorld *world, const float *alone, Vec3 place, flo
     return open;
 }
 
+/* Grids that a small budget sends in pieces end in the same picture, and meanwhile no frame sends much. */
+static void pieces_end_in_the_same_picture(Play *play, const float transform[16], const float *pixels)
+{
+    const ChiaroVulkanApi *api = play->stage.api;
+    ChiaroVulkanStats stats = {.struct_size = sizeof stats};
+    static float before[SIZE * SIZE * 4];
+    uint64_t most[2] = {0, 0};
+    float away[16];
+    memcpy(before, pixels, sizeof before);
+    moved_to(away, vec3(-1, 1.2f, 0.7f), 0.2f, 1);
+    for (uint32_t sliced = 0; sliced < 2; sliced++) {
+        play->stage.budget.units = sliced ? 12 : 0;
+        for (uint32_t back = 0; back < 2; back++) {
+            assert_int_equal(chiaro_object_move(play->world, 0, back ? transform : away), CHIARO_OK);
+            do {
+                render(&play->stage);
+                assert_int_equal(api->stats(play->stage.chiaro, &stats), CHIARO_OK);
+                most[sliced] = stats.upload_bytes > most[sliced] ? stats.upload_bytes : most[sliced];
+            } while (!chiaro_world_settled(play->world));
+            assert_true(memcmp(before, settled(play), sizeof before) == 0 || !back);
+        }
+    }
+    printf("  %llu bytes in a frame at most, in pieces %llu\n", (unsigned long long)most[0], (unsigned long long)most[1]);
+    assert_true(most[1] < most[0]);
+}
+
 /* Under the sky: the picture with the object is the picture without it, as the CPU says that it changes. */
 static void the_floor_is_darkened_as_the_cpu_says(void **state, const char *name)
 {
@@ -247,6 +273,7 @@ static void the_floor_is_darkened_as_the_cpu_says(void **state, const char *name
     printf("  %s: darkest %.2f of the sky is left, worst error %.1e of the largest\n", name, darkest, worst / largest);
     assert_true(largest > 0 && darkest < 0.95);
     assert_below("floor", 0, worst / largest, 1e-4);
+    pieces_end_in_the_same_picture(&play, transform, pixels);
     close_play(&play);
     free_shape(&shape);
 }

@@ -150,6 +150,7 @@ struct ChiaroWorld {
 
     bool changed, shown_stale; /* stale: not what it would be */
     bool shown_wanted, shown_building; /* somebody looks at it; it is not whole now */
+    bool shown_held; /* somebody still reads it */
     uint64_t light_came, blockers_stale; /* calls when these became so */
     uint64_t moves, updates, round_began; /* chiaro_world_run() calls so far; the one in which the round began */
     ChiaroKernel *kernel_of_rounds; /* items: bodies, then WORLD_TASKS */

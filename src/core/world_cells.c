@@ -2,6 +2,7 @@
  * pixel to pixel, one for what is far. A shader does by pixel and by vertex what chiaro_blockers_at() does here.
  */
 #include "world.h"
+#include "world_device.h"
 
 #include <string.h>
 
@@ -513,6 +514,12 @@ void chiaro_world_blockers_shown(ChiaroWorld *world, ChiaroWorldBlockers *blocke
         chiaro_world_blockers(world, blockers);
     world->shown_wanted = true;
     *blockers = world->shown.view;
+}
+
+void chiaro_world_blockers_follow(ChiaroWorld *world, bool held)
+{
+    world->shown_wanted = true;
+    world->shown_held = held;
 }
 
 void chiaro_world_blocked_far(ChiaroWorld *world, const float point[3], const float normal[3], ChiaroBlockedFar *far)

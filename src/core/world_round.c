@@ -6,6 +6,7 @@
  * as it is on screen.
  */
 #include "world.h"
+#include "world_device.h"
 
 #include <string.h>
 
@@ -247,8 +248,14 @@ static void end_round(ChiaroWorld *world)
     world->rounds_left--;
 }
 
-/* A slice of it. Returns the number of slots that are painted now, which are put into `painted`. */
-static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t units, uint32_t *painted)
+/* Who is told of painted slots. */
+typedef struct Painted {
+    ChiaroPaintedFunc tell;
+    void *user;
+} Painted;
+
+/* A slice of it. Returns the number of slots that are painted now. */
+static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t units, const Painted *painted)
 {
     Body *body = &world->bodies[id];
     if (!chiaro_world_paint(world, id, world->root_count > 0 ? units / STEP_UNITS : UINT32_MAX))
@@ -256,8 +263,8 @@ static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t units, uint
     world->unpainted--;
     body->painted = true;
     publish(world, body);
-    for (uint32_t p = 0; painted && p < body->object.part_count; p++)
-        painted[p] = body->first_slot + p;
+    for (uint32_t p = 0; painted->tell && p < body->object.part_count; p++)
+        painted->tell(body->first_slot + p, painted->user);
     if (!world->shown_stale)
         world->blockers_stale = world->updates;
     world->shown_stale = true;
@@ -271,7 +278,7 @@ static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t units, uint
 /* The grid that is shown follows, if somebody looks at it. */
 static void ask_for_shown(ChiaroWorld *world)
 {
-    if (!world->shown_building && world->shown_wanted && world->shown_stale)
+    if (!world->shown_building && world->shown_wanted && world->shown_stale && !world->shown_held)
         chiaro_blockers_show(world, 0);
     if (world->shown_building)
         chiaro_kernel_due(world->kernel_of_rounds, world->desc.object_capacity + TASK_SHOWN,
@@ -287,9 +294,10 @@ static void work_on_shown(ChiaroWorld *world, uint32_t units)
         ask_for_shown(world);
 }
 
-/* Works until the kernel says that the frame is over, `cubes` were painted, `painted` could overflow, or a round ends. */
-static uint32_t work(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, uint32_t cubes, uint32_t *painted,
-                     uint32_t capacity)
+/* Works until the kernel says that the frame is over, `cubes` were painted, more would be than `capacity`, or a round
+ * ends. */
+static uint32_t work(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, uint32_t cubes, uint32_t capacity,
+                     const Painted *painted)
 {
     uint32_t count = 0, units, item = CHIARO_NONE;
     chiaro_kernel_begin(world->kernel_of_rounds, budget, spent);
@@ -304,7 +312,7 @@ static uint32_t work(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, ui
     while (count < cubes && count + CHIARO_MAX_OBJECT_PARTS <= capacity &&
            (item = chiaro_kernel_next(world->kernel_of_rounds, &units)) != CHIARO_NONE) {
         if (item < world->desc.object_capacity)
-            count += paint_body(world, item, units, painted ? painted + count : NULL);
+            count += paint_body(world, item, units, painted);
         else if (item == world->desc.object_capacity + TASK_SHOWN)
             work_on_shown(world, units);
         else
@@ -315,19 +323,30 @@ static uint32_t work(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, ui
     return count;
 }
 
+uint32_t chiaro_world_run_telling(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, uint32_t cubes,
+                                  ChiaroPaintedFunc tell, void *user)
+{
+    const Painted painted = {tell, user};
+    world->updates++;
+    return cubes ? work(world, budget, spent, cubes, UINT32_MAX, &painted) : 0;
+}
+
+static void list_painted(uint32_t slot, void *user)
+{
+    uint32_t **end = user;
+    *(*end)++ = slot;
+}
+
 uint32_t chiaro_world_run(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, uint32_t *painted, uint32_t capacity)
 {
+    const Painted list = {painted ? list_painted : NULL, &painted};
     world->updates++;
-    return work(world, budget, spent, UINT32_MAX, painted, capacity);
+    return work(world, budget, spent, UINT32_MAX, capacity, &list);
 }
 
 uint32_t chiaro_world_update(ChiaroWorld *world, uint32_t budget, uint32_t *painted)
 {
-    uint32_t count = 0;
-    world->updates++;
-    if (budget)
-        count = work(world, (ChiaroBudget){0}, 0, budget, painted, UINT32_MAX);
-    return count;
+    return chiaro_world_run_telling(world, (ChiaroBudget){0}, 0, budget, painted ? list_painted : NULL, &painted);
 }
 
 bool chiaro_world_settled(const ChiaroWorld *world)

@@ -9,7 +9,8 @@
  *   links.c      links, in the order in which the device reads them
  *   lights.c     lights, shadow views and maps
  *   sky.c        the sky behind the picture, in the leaves of the tree, and its sun
- *   objects.c    what moves: its places, its cubes, what it does to the static world
+ *   objects.c    what moves: its places, its cubes
+ *   grids.c      what it does to the static world
  *   bounce.c     bounce light: the compute passes, whole or in slices
  *   record.c     update and draw
  *
@@ -270,6 +271,32 @@ ChiaroResult chiaro_sky_take(ChiaroVulkan *context, const ChiaroSky *sky);
 ChiaroResult chiaro_sky_prepare(ChiaroVulkan *context);
 void chiaro_sky_release(ChiaroVulkan *context);
 
+/* ---- grids.c ------------------------------------------------------------------------------------------------------ */
+
+/* Words that go to the device in a piece, and room to make them: of cells, and of entries with the last cell's. */
+enum { GRID_PIECE = 2048, GRID_SCRATCH = 2 * GRID_PIECE + 2 * CHIARO_MAX_CELL_BLOCKERS };
+
+/* The grids on their way to the device. */
+typedef struct GridsState {
+    uint64_t revision, shown; /* of the world, more by one: that is sent; that the device has whole. 0: none */
+    uint32_t stage, cursor;   /* GRID_; cell, entry or blocker of it */
+    uint32_t written;         /* words of the near entries */
+    uint32_t half;            /* of the buffers, that is shown */
+    ChiaroGpuGrid head[2];    /* near, far */
+    uint32_t *words;          /* GRID_SCRATCH */
+    float low[3], high[3];    /* of what is shown */
+} GridsState;
+
+/* Words of the grids, and blockers, of a world. */
+uint64_t chiaro_grids_words(uint32_t object_capacity);
+uint64_t chiaro_grids_blockers(uint32_t object_capacity);
+/* Sends what the device does not have: as much as a part of the budget pays, which is taken off it; NULL: all. */
+void chiaro_grids_send(ChiaroVulkan *context, VkCommandBuffer commands, ChiaroBudget *budget);
+/* Something is still to be sent. */
+bool chiaro_grids_due(const ChiaroVulkan *context);
+/* True if objects may darken some of a part. */
+bool chiaro_objects_near(const ChiaroVulkan *context, const DrawPart *part);
+
 /* ---- objects.c ---------------------------------------------------------------------------------------------------- */
 
 /* Bindings of the set of objects: chiaro.glsl, CHIARO_OBJECT_SET. */
@@ -315,17 +342,13 @@ typedef struct ObjectsState {
     ChiaroGpuObject *placed; /* as the device has them */
     float *scales;     /* two a slot, as the device has them */
     float *colors;     /* two cubes a slot */
-    uint32_t *painted; /* slots that the last update painted */
     uint32_t *encoded; /* two cubes */
-    uint32_t *near_cells, *near_entries; /* as the device has them */
     bool pieces; /* not all objects are plain balls */
     uint32_t painted_count, fading;
     uint64_t moves; /* of the world, when its objects were looked at last */
-    bool show_changed, blockers_due;
-    uint32_t painted_room;
-    uint64_t upload_bytes, bytes, revision;
-    bool info_written, grid_written;
-    float grid_low[3], grid_high[3]; /* of what is written */
+    bool show_changed, info_written;
+    GridsState grids;
+    uint64_t upload_bytes, bytes;
     bool light_due;      /* the world's light is not that of the device */
     uint64_t read_frame; /* in which it was copied for the host; 0: none is under way */
     ChiaroLight lights[CHIARO_LIGHT_SLOTS]; /* of that frame */
@@ -341,8 +364,6 @@ void chiaro_objects_stats(const ChiaroVulkan *context, ChiaroVulkanObjectStats *
 /* Tells the world which sky there is. */
 ChiaroResult chiaro_objects_sky(ChiaroVulkan *context);
 void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info);
-/* True if objects may darken some of a part. */
-bool chiaro_objects_near(const ChiaroVulkan *context, const DrawPart *part);
 /* Copies the values of the nodes for the host, if they have changed. */
 void chiaro_objects_read_back(ChiaroVulkan *context, VkCommandBuffer commands);
 

@@ -1,4 +1,4 @@
-/* Objects that move: their meshes, where they are, their environment cubes, and what they do to the static world.
+/* Objects that move: their meshes, where they are, and their environment cubes.
  *
  * The world (chiaro_world.h) does the thinking. Here its results go to the device, and the light of the static scene
  * goes back to it: the values of the nodes are copied to memory that the host sees when they have changed, and read when
@@ -14,6 +14,7 @@
 
 #include "../core/log.h"
 #include "../core/vec.h"
+#include "../core/world_device.h"
 
 /* Frames that a fade takes: as many as lie between two paintings of a cube, within these. */
 enum { DEFAULT_CUBES = 8, SHORTEST_FADE = 4, LONGEST_FADE = 64 };
@@ -24,14 +25,6 @@ enum { SHADOW_INTERVAL = 8 };
 /* The bounds that shadow maps cover grow by more than is needed, in diagonals of the scene, so that they seldom grow. */
 static const float growth = 0.1f;
 
-_Static_assert(sizeof(ChiaroWorldBlocker) == 4 * CHIARO_BLOCKER_WORDS &&
-                   offsetof(ChiaroWorldBlocker, radius) == 4 * CHIARO_BLOCKER_RADIUS &&
-                   offsetof(ChiaroWorldBlocker, across) == 4 * CHIARO_BLOCKER_ACROSS &&
-                   offsetof(ChiaroWorldBlocker, along) == 4 * CHIARO_BLOCKER_ALONG &&
-                   offsetof(ChiaroWorldBlocker, radiance) == 4 * CHIARO_BLOCKER_RADIANCE &&
-                   offsetof(ChiaroWorldBlocker, emission) == 4 * CHIARO_BLOCKER_EMISSION &&
-                   offsetof(ChiaroWorldBlocker, object) == 4 * CHIARO_BLOCKER_OBJECT,
-               "words of a blocker");
 _Static_assert(sizeof(ChiaroObjectVertex) == 36, "vertex input of objects");
 _Static_assert(CHIARO_GPU_CUBE_UNORM8 == CHIARO_CUBE_UNORM8 && CHIARO_GPU_CUBE_HALF == CHIARO_CUBE_HALF &&
                    CHIARO_GPU_CUBE_SHARED == CHIARO_CUBE_SHARED_EXPONENT,
@@ -102,15 +95,10 @@ static ChiaroResult create_lists(ChiaroVulkan *context, const ChiaroVulkanObject
     state->scales = chiaro_vulkan_alloc(context, state->slot_count, 2 * sizeof(float));
     state->colors = chiaro_vulkan_alloc(context, 8 * (size_t)state->slot_count, state->texels * sizeof(float));
     state->placed = chiaro_vulkan_alloc(context, state->capacity, sizeof *state->placed);
-    state->painted_room = state->slot_count + state->cubes + CHIARO_MAX_OBJECT_PARTS;
-    state->painted = chiaro_vulkan_alloc(context, state->painted_room, sizeof(uint32_t));
     state->encoded = chiaro_vulkan_alloc(context, 2 * (size_t)state->words, sizeof(uint32_t));
-    state->near_entries = chiaro_vulkan_alloc(context, 2 * (size_t)chiaro_world_cells(state->capacity),
-                                              CHIARO_MAX_CELL_BLOCKERS * sizeof *state->near_entries);
-    state->near_cells = chiaro_vulkan_alloc(context, chiaro_world_cells(state->capacity), sizeof *state->near_cells);
-    if (!state->near_cells || !state->near_entries || !state->placed || !state->meshes_by_number || !state->shown ||
-        !state->slots || !state->scales ||
-        !state->colors || !state->painted || !state->encoded)
+    state->grids.words = chiaro_vulkan_alloc(context, GRID_SCRATCH, sizeof *state->grids.words);
+    if (!state->grids.words || !state->placed || !state->meshes_by_number || !state->shown || !state->slots ||
+        !state->scales || !state->colors || !state->encoded)
         return CHIARO_ERROR_MEMORY;
     for (uint32_t i = 0; i < state->capacity; i++)
         state->shown[i].mesh = CHIARO_NONE;
@@ -134,7 +122,7 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
     const VkBufferUsageFlags copied = VK_BUFFER_USAGE_TRANSFER_DST_BIT;
     const VkBufferUsageFlags texels = VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT | copied;
     const VkFormat word = VK_FORMAT_R32_UINT, fours = VK_FORMAT_R32G32B32A32_UINT;
-    const uint64_t capacity = state->capacity, slots = state->slot_count, cells = chiaro_world_cells(state->capacity);
+    const uint64_t capacity = state->capacity, slots = state->slot_count;
     bool gi = !context->settings.gi_off;
     uint64_t *bytes = &state->bytes;
     struct {
@@ -145,8 +133,8 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
         {&state->instances, capacity * sizeof(ChiaroGpuObject), fours},
         {&state->scale_buffer, sizeof(ChiaroGpuCubes) + slots * 2 * sizeof(float), VK_FORMAT_R32G32_UINT},
         {&state->cube_buffer, slots * 2 * state->words * sizeof(uint32_t), word},
-        {&state->blockers, CHIARO_MAX_OBJECT_BLOCKERS * capacity * sizeof(ChiaroWorldBlocker), word},
-        {&state->grid, 2 * sizeof(ChiaroGpuGrid) + cells * (2 + 3 * CHIARO_MAX_CELL_BLOCKERS) * sizeof(uint32_t), word},
+        {&state->blockers, 2 * sizeof(ChiaroWorldBlocker) * chiaro_grids_blockers(state->capacity), word},
+        {&state->grid, sizeof state->grids.head + 2 * sizeof(uint32_t) * chiaro_grids_words(state->capacity), word},
         {&state->grid, 0, fours},
     };
     for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
@@ -251,11 +239,13 @@ ChiaroResult chiaro_objects_load(ChiaroVulkan *context, const ChiaroVulkanObject
 void chiaro_objects_release(ChiaroVulkan *context)
 {
     ObjectsState *state = &context->objects;
+    if (state->world)
+        chiaro_world_blockers_follow(state->world, false);
     chiaro_scene_release(context, &state->meshes);
     chiaro_arena_retire(context, &state->arena);
     chiaro_arena_retire(context, &state->read_arena);
     void *lists[] = {state->meshes_by_number, state->shown, state->slots, state->scales,
-                     state->placed, state->colors, state->painted, state->encoded, state->near_entries, state->near_cells};
+                     state->placed, state->colors, state->encoded, state->grids.words};
     for (uint32_t i = 0; i < sizeof lists / sizeof *lists; i++)
         chiaro_vulkan_free(context, lists[i]);
     memset(state, 0, sizeof *state);
@@ -442,6 +432,12 @@ static float fade_of(const CubeSlot *slot, uint64_t frames)
     return share < 1 ? share : 1;
 }
 
+/* What a painted cube goes to. */
+typedef struct Frame {
+    ChiaroVulkan *context;
+    VkCommandBuffer commands;
+} Frame;
+
 /* What the last frame showed becomes what fades out. */
 static void take_cube(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t number)
 {
@@ -507,133 +503,34 @@ static void fade_cubes(ChiaroVulkan *context, VkCommandBuffer commands)
     }
 }
 
-/* ---- back onto the static world ----------------------------------------------------------------------------------- */
-
-/* Plain balls as the near grid has them (ChiaroGpuGrid). Returns the number of words; the words of cells, which are in
- * `cells` afterwards, tell where each begins. */
-static uint32_t pack_near(ObjectsState *state, const ChiaroWorldBlockers *b, ChiaroGpuGrid *grid, uint32_t *cells)
-{
-    const ChiaroBlockerCells *near = &b->near;
-    uint32_t written = 0, number = 0, x, y, z;
-    float largest = 0;
-    for (uint32_t i = 0; i < b->blocker_count; i++)
-        largest = fmaxf(largest, b->blockers[i].radius);
-    grid->range[1] = CHIARO_BLOCKER_NEAR * largest + near->size;
-    grid->range[2] = largest;
-    const float share = 1 / grid->range[1];
-    for (z = 0; z < near->count[2]; z++) {
-        for (y = 0; y < near->count[1]; y++) {
-            for (x = 0; x < near->count[0]; x++, number++) {
-                uint32_t word = near->cells[number], first = CHIARO_CELL_FIRST(word), balls = CHIARO_CELL_BALLS(word);
-                const float corner[3] = {near->low[0] + near->size * (float)x, near->low[1] + near->size * (float)y,
-                                         near->low[2] + near->size * (float)z};
-                cells[number] = (word & ~0xfffffu) | written;
-                for (uint32_t k = first; k < first + balls; k++) {
-                    const ChiaroWorldBlocker *ball = &b->blockers[near->entries[k]];
-                    uint16_t parts[4];
-                    for (int c = 0; c < 3; c++)
-                        parts[c] = (uint16_t)(int16_t)lrintf(32767 * share * (ball->center[c] - corner[c]));
-                    parts[3] = (uint16_t)lrintf(65535 * sqrtf(ball->radius / largest));
-                    memcpy(state->near_entries + written, parts, sizeof parts);
-                    written += 2;
-                }
-                for (uint32_t k = first + balls; k < first + balls + CHIARO_CELL_OTHERS(word); k++)
-                    state->near_entries[written++] = near->entries[k];
-            }
-        }
-    }
-    return written;
-}
-
-/* Cells, then entries, from a word of the array on. Returns where the next ones begin. */
-static uint32_t write_cells(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroBlockerCells *cells,
-                            const uint32_t *words, const uint32_t *entries, uint32_t entry_count, uint32_t at,
-                            ChiaroGpuGrid *grid)
-{
-    const uint64_t word = sizeof(uint32_t), begin = 2 * sizeof *grid + at * word;
-    DeviceBuffer buffer = context->objects.grid;
-    memcpy(grid->low, cells->low, sizeof cells->low);
-    memcpy(grid->count, cells->count, sizeof cells->count);
-    grid->low[3] = 1 / cells->size;
-    grid->range[0] = cells->size;
-    grid->first[0] = at;
-    grid->first[1] = at + cells->cell_count;
-    chiaro_record_write(context, commands, buffer, begin, words, cells->cell_count * word);
-    chiaro_record_write(context, commands, buffer, begin + cells->cell_count * word, entries, entry_count * word);
-    return grid->first[1] + entry_count;
-}
-
-static void write_blockers(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroWorldBlockers *given)
-{
-    ObjectsState *state = &context->objects;
-    const ChiaroWorldBlockers b = *given;
-    ChiaroGpuGrid grids[2] = {{.low = {0}}};
-    if (state->grid_written && b.revision == state->revision)
-        return;
-    state->revision = b.revision;
-    state->grid_written = true;
-    /* The far grid reaches further than the near one. */
-    for (int axis = 0; axis < 3; axis++) {
-        bool any = b.far.cell_count > 0;
-        state->grid_low[axis] = any ? b.far.low[axis] : 0;
-        state->grid_high[axis] = any ? b.far.low[axis] + b.far.size * (float)b.far.count[axis] : 0;
-    }
-    if (b.far.cell_count > 0) {
-        uint32_t words = pack_near(state, &b, &grids[0], state->near_cells);
-        uint32_t next = write_cells(context, commands, &b.near, state->near_cells, state->near_entries, words, 0, &grids[0]);
-        write_cells(context, commands, &b.far, b.far.cells, b.far.entries, b.far.entry_count, next, &grids[1]);
-        chiaro_record_write(context, commands, state->blockers, 0, b.blockers, b.blocker_count * sizeof *b.blockers);
-    }
-    chiaro_record_write(context, commands, state->grid, 0, grids, sizeof grids);
-}
-
-bool chiaro_objects_near(const ChiaroVulkan *context, const DrawPart *part)
-{
-    const ObjectsState *state = &context->objects;
-    bool near = true;
-    for (int axis = 0; axis < 3; axis++)
-        near &= part->low[axis] < state->grid_high[axis] && part->high[axis] >= state->grid_low[axis];
-    return near;
-}
-
 /* ---- the frame ---------------------------------------------------------------------------------------------------- */
 
-/* By the host's budget. Grids go to the device when an earlier frame had them whole: what that takes, and what is known to
- * come after, is not the world's to spend. */
-static void run_budget(ChiaroVulkan *context, const ChiaroVulkanUpdate *info)
+/* A cube goes to the device as soon as it is painted: what that takes is part of what it costs. */
+static void take_painted(uint32_t slot, void *user)
 {
-    ObjectsState *state = &context->objects;
-    ChiaroWorldBlockers blockers;
-    if (chiaro_world_blockers_ready(state->world)) {
-        chiaro_world_blockers_shown(state->world, &blockers);
-        write_blockers(context, info->command_buffer, &blockers);
-    }
-    chiaro_vulkan_lap(context, LAP_BLOCKERS);
-    uint32_t spent = chiaro_vulkan_microseconds(context, context->update_began) + (uint32_t)(context->tail / 1000);
-    state->painted_count = chiaro_world_run(state->world, info->budget, spent, state->painted, state->painted_room);
-    if (chiaro_world_blockers_ready(state->world)) {
-        chiaro_world_blockers_shown(state->world, &blockers);
-        state->blockers_due = blockers.revision != state->revision;
-    }
+    const Frame *frame = user;
+    take_cube(frame->context, frame->commands, slot);
+    frame->context->objects.painted_count++;
 }
 
-/* The share of the world's work: by the host's budget, or so many cubes. */
+/* The share of the world's work: by the host's budget, or so many cubes. What is known to come after is not the world's to
+ * spend. */
 static void run_world(ChiaroVulkan *context, const ChiaroVulkanUpdate *info)
 {
     ObjectsState *state = &context->objects;
     ChiaroKernelStats stats = {.struct_size = sizeof stats};
+    ChiaroBudget budget = info->budget;
+    Frame frame = {context, info->command_buffer};
+    bool limited = budget.microseconds || budget.units;
     chiaro_world_without(state->world, context->settings.without);
     if (info->has_eye)
         chiaro_world_eye(state->world, info->eye, info->forward);
-    if (info->budget.microseconds || info->budget.units) {
-        run_budget(context, info);
-    } else {
-        ChiaroWorldBlockers blockers;
-        state->painted_count = chiaro_world_update(state->world, state->cubes, state->painted);
-        chiaro_world_blockers(state->world, &blockers);
-        write_blockers(context, info->command_buffer, &blockers);
-        state->blockers_due = false;
-    }
+    if (limited)
+        chiaro_grids_send(context, info->command_buffer, &budget);
+    uint32_t spent = chiaro_vulkan_microseconds(context, context->update_began) + (uint32_t)(context->tail / 1000);
+    chiaro_world_run_telling(state->world, budget, spent, limited ? UINT32_MAX : state->cubes, take_painted, &frame);
+    if (!limited)
+        chiaro_grids_send(context, info->command_buffer, NULL);
     chiaro_vulkan_lap(context, LAP_CUBES);
     context->tail_began = context->lap_began;
     if (chiaro_kernel_stats(chiaro_world_kernel(state->world), &stats) == CHIARO_OK)
@@ -648,7 +545,7 @@ static bool is_idle(const ChiaroVulkan *context)
         return false;
     return !chiaro_vulkan_object_gi(context) ||
            (state->info_written && state->fading == 0 && !state->light_due && state->read_frame == 0 &&
-            chiaro_world_settled(state->world) && !state->blockers_due);
+            chiaro_world_settled(state->world) && !chiaro_grids_due(context));
 }
 
 void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info)
@@ -670,8 +567,6 @@ void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info
     if (chiaro_vulkan_object_gi(context)) {
         take_light(context, info->completed_frame);
         run_world(context, info);
-        for (uint32_t i = 0; i < state->painted_count; i++)
-            take_cube(context, commands, state->painted[i]);
         fade_cubes(context, commands);
         chiaro_vulkan_lap(context, LAP_CUBES);
     }

@@ -109,7 +109,7 @@ static inline const float *settled(Play *play)
     do {
         pixels = render(&play->stage);
         stats = object_stats(play);
-        quiet = stats.cubes + stats.fading > 0 ? 0 : quiet + 1;
+        quiet = stats.cubes + stats.fading > 0 || !chiaro_world_settled(play->world) ? 0 : quiet + 1;
         assert_true(++frames < 500);
     } while (quiet < 12);
     return pixels;

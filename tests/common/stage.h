@@ -21,6 +21,7 @@ typedef struct Stage {
     ChiaroVulkan *chiaro;
     ChiaroVulkanDraw draw;
     ChiaroTransport transport;
+    ChiaroBudget budget; /* of every update */
 } Stage;
 
 static inline void must(const Stage *stage, bool good)
@@ -95,7 +96,8 @@ static inline void update(Stage *stage)
     ChiaroVulkanUpdate info = {.struct_size = sizeof info,
                                .command_buffer = stage->host.commands,
                                .frame = stage->host.frame,
-                               .completed_frame = stage->host.frame - 1};
+                               .completed_frame = stage->host.frame - 1,
+                               .budget = stage->budget};
     assert_int_equal(stage->api->update(stage->chiaro, &info), CHIARO_OK);
 }
 
