@@ -19,6 +19,7 @@ typedef struct Alive {
 
 /* The functions of Vulkan have no room for a user pointer. */
 static Alive alive;
+static uint32_t made_pipelines;
 static PFN_vkCreateBuffer create_buffer;
 static PFN_vkDestroyBuffer destroy_buffer;
 static PFN_vkCreateImage create_image;
@@ -72,6 +73,7 @@ static VKAPI_ATTR VkResult VKAPI_CALL count_create_graphics(VkDevice device, VkP
 {
     VkResult result = create_graphics(device, cache, count, infos, callbacks, made);
     alive.pipelines += result == VK_SUCCESS ? count : 0;
+    made_pipelines += count;
     return result;
 }
 
@@ -81,6 +83,7 @@ static VKAPI_ATTR VkResult VKAPI_CALL count_create_compute(VkDevice device, VkPi
 {
     VkResult result = create_compute(device, cache, count, infos, callbacks, made);
     alive.pipelines += result == VK_SUCCESS ? count : 0;
+    made_pipelines += count;
     return result;
 }
 
@@ -234,20 +237,33 @@ static void close_show(Show *show)
     mesh_end(&show->mesh);
 }
 
-/* Frames until all uploads have retired. Returns the dispatches of the first. */
-static uint32_t run(Show *show)
+/* So many frames, each drawn. Returns the dispatches of the first. */
+static uint32_t run_frames(Show *show, uint32_t count)
 {
     ChiaroVulkanStats stats = {.struct_size = sizeof stats};
     uint32_t dispatches = 0;
-    for (uint32_t frame = 0; frame < 3; frame++) {
-        must(&show->stage, host_begin(&show->stage.host));
+    for (uint32_t frame = 0; frame < count; frame++) {
+        Host *host = &show->stage.host;
+        must(&show->stage, host_begin(host));
         update(&show->stage);
         assert_int_equal(show->stage.api->stats(show->stage.chiaro, &stats), CHIARO_OK);
         dispatches = frame == 0 ? stats.dispatches : dispatches;
-        must(&show->stage, host_submit(&show->stage.host));
+        if (show->what & HAS_SCENE) {
+            host_begin_pass(host);
+            show->stage.draw.command_buffer = host->commands;
+            assert_int_equal(show->stage.api->draw(show->stage.chiaro, &show->stage.draw), CHIARO_OK);
+            host_end_pass(host);
+        }
+        must(&show->stage, host_submit(host));
     }
     return dispatches;
 }
+
+/* Until all uploads have retired. */
+static uint32_t run(Show *show) { return run_frames(show, 3); }
+
+/* Until pipelines that nobody asks for have gone. */
+static void outlive_pipelines(Show *show) { run_frames(show, CHIARO_PIPELINE_FRAMES + 2); }
 
 /* The features that are used are exactly these, separated by ", ". */
 static void assert_features(const Show *show, const char *expected)
@@ -334,8 +350,8 @@ static void one_object_brings_its_cube_and_what_it_does(void **state)
     show.stage.api->objects_unload(show.stage.chiaro);
     run(&show);
     assert_features(&show, "scene, bounce light, sky light, drawing, sky background");
-    assert_int_equal(alive.buffers, MESH + TRANSPORT);
-    assert_int_equal(alive.sets, 2 + 1);
+    outlive_pipelines(&show);
+    assert_alive(MESH + TRANSPORT, 1, GI_PIPELINES + 1 + 1, 2 + 1);
     close_show(&show);
 }
 
@@ -351,29 +367,71 @@ static void everything_has_everything(void **state)
     close_show(&show);
 }
 
+/* With `on` there is a feature more, without it there is nothing left of it, however often. */
+static void assert_comes_and_goes(Show *show, void (*turn)(Show *show, bool on), const char *features, Alive more)
+{
+    Alive before = alive;
+    for (int again = 0; again < 2; again++) {
+        turn(show, true);
+        run(show);
+        assert_features(show, features);
+        assert_alive(before.buffers + more.buffers, before.images + more.images, before.pipelines + more.pipelines,
+                     before.sets + more.sets);
+        turn(show, false);
+        outlive_pipelines(show);
+        assert_features(show, "scene, drawing");
+        assert_alive(before.buffers, before.images, before.pipelines, before.sets);
+        assert_int_equal(run(show), 0);
+    }
+}
+
+static void turn_lamp(Show *show, bool on) { set_lights(show, on ? HAS_LAMP : 0); }
+
+static void turn_sun(Show *show, bool on) { set_lights(show, on ? HAS_SUN : 0); }
+
+static void turn_sky(Show *show, bool on)
+{
+    assert_int_equal(show->stage.api->sky_set(show->stage.chiaro, on ? &sky : NULL), CHIARO_OK);
+}
+
 static void the_last_user_takes_the_feature_along(void **state)
 {
     (void)state;
     Show show = open_show(HAS_SCENE);
     run(&show);
     assert_features(&show, "scene, drawing");
-    Alive before = alive;
-    set_lights(&show, HAS_LAMP);
-    assert_true(run(&show) > 0);
-    assert_features(&show, "scene, punctual light, face shadow maps, bounce light, sample lighting, drawing");
-    assert_alive(before.buffers + 1, before.images + 1, alive.pipelines, before.sets + 1);
-    set_lights(&show, 0);
-    assert_int_equal(run(&show), 0);
-    assert_features(&show, "scene, drawing");
-    /* Pipelines stay for the next light: making them takes long. */
-    assert_alive(before.buffers, before.images, alive.pipelines, before.sets);
-    assert_int_equal(show.stage.api->sky_set(show.stage.chiaro, &sky), CHIARO_OK);
+    /* While it is lit, what draws it unlit is idle: it goes, and comes back. */
+    const Alive lamp = {.buffers = 1, .images = 1, .pipelines = GI_PIPELINES + 2, .sets = 1};
+    assert_comes_and_goes(&show, turn_lamp,
+                          "scene, punctual light, face shadow maps, bounce light, sample lighting, drawing", lamp);
+    assert_comes_and_goes(&show, turn_sun,
+                          "scene, punctual light, wide shadow maps, bounce light, sample lighting, drawing", lamp);
+    assert_comes_and_goes(&show, turn_sky, "scene, drawing, sky background",
+                          (Alive){.images = 1, .pipelines = 1, .sets = 1});
+    show.stage.api->scene_unload(show.stage.chiaro);
+    show.what = 0;
+    outlive_pipelines(&show);
+    assert_features(&show, "");
+    assert_alive(0, 0, 0, 0);
+    close_show(&show);
+}
+
+/* What a flickering lamp needs is not made anew every time. */
+static void what_comes_back_soon_is_still_there(void **state)
+{
+    (void)state;
+    Show show = open_show(HAS_SCENE | HAS_LAMP);
     run(&show);
-    assert_features(&show, "scene, drawing, sky background");
-    assert_int_equal(alive.images, before.images + 1);
-    assert_int_equal(show.stage.api->sky_set(show.stage.chiaro, NULL), CHIARO_OK);
-    run(&show);
-    assert_alive(before.buffers, before.images, alive.pipelines, before.sets);
+    made_pipelines = 0;
+    for (uint32_t i = 0; i < 10; i++) {
+        set_lights(&show, 0);
+        run(&show);
+        set_lights(&show, HAS_LAMP);
+        run(&show);
+    }
+    assert_int_equal(made_pipelines, 1); /* the one that draws the scene unlit */
+    outlive_pipelines(&show);
+    assert_alive(MESH + TRANSPORT + 1, 1, GI_PIPELINES + 2, 3);
     close_show(&show);
 }
 
@@ -387,6 +445,7 @@ int main(void)
         cmocka_unit_test(one_object_brings_its_cube_and_what_it_does),
         cmocka_unit_test(everything_has_everything),
         cmocka_unit_test(the_last_user_takes_the_feature_along),
+        cmocka_unit_test(what_comes_back_soon_is_still_there),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -55,6 +55,7 @@ extern "C" {
 #define CHIARO_VULKAN_SYMBOL "chiaro_vulkan_get_api"
 
 #define CHIARO_MAX_LIGHTS 64u /**< Lights of non-zero intensity at a time. */
+#define CHIARO_PIPELINE_FRAMES 64u /**< So long a pipeline stays when nothing asks for it any more: a lamp may flicker. */
 #define CHIARO_REASON_SIZE 64u
 
 /** A context: one scene on one device. */

@@ -80,8 +80,7 @@ static void destroy(ChiaroVulkan *context)
     chiaro_sky_release(context);
     chiaro_lights_release(context);
     chiaro_scene_release(context, &context->scene);
-    chiaro_pipelines_retire_forward(context);
-    chiaro_arena_retire(context, &context->pipeline_arena);
+    chiaro_pipelines_retire(context, true);
     chiaro_arena_retire(context, &context->layouts.arena);
     chiaro_arena_collect(context, UINT64_MAX);
     chiaro_vulkan_free(context, context->bounce.memory);
@@ -186,6 +185,7 @@ static void scene_unload(ChiaroVulkan *context)
     chiaro_bounce_reset(context);
     chiaro_scene_release(context, &context->scene);
     chiaro_lights_release(context);
+    chiaro_pipelines_prepare(context); /* none but those of the sky are wanted now */
 }
 
 static ChiaroResult lights_set(ChiaroVulkan *context, const ChiaroLight *lights, uint32_t count)
@@ -255,7 +255,7 @@ static ChiaroResult settings_set(ChiaroVulkan *context, const ChiaroVulkanSettin
     bool other_light = old->component != settings->component || old->gi_off != settings->gi_off ||
                        old->without != settings->without;
     if (old->component != settings->component || old->tone_map != settings->tone_map)
-        chiaro_pipelines_retire_forward(context);
+        chiaro_pipelines_retire(context, false);
     context->settings = *settings;
     if (other_light)
         chiaro_bounce_reset(context);
@@ -300,6 +300,7 @@ static ChiaroResult update(ChiaroVulkan *context, const ChiaroVulkanUpdate *give
         return refuse(context, "update: command_buffer, frame or completed_frame");
     chiaro_arena_collect(context, info->completed_frame);
     context->frame = info->frame;
+    chiaro_pipelines_collect(context);
     context->tasks = 0;
     context->upload_bytes = 0;
     chiaro_objects_update(context, info);

@@ -100,7 +100,7 @@ static void dispatch(ChiaroVulkan *context, VkCommandBuffer commands, const Chia
                      uint32_t groups, const ChiaroComputePush *push)
 {
     const VulkanFunctions *vk = &context->vk;
-    const Pipeline *pipeline = &context->gi[pass];
+    const Pipeline *pipeline = &context->pipelines[PIPELINE_GI + pass];
     if (groups == 0 || !pipeline->pipeline)
         return;
     bool lit = pass == GI_SAMPLES_LIT;

@@ -136,7 +136,20 @@ enum { SHADOW_OPAQUE, SHADOW_MASKED, SHADOW_MASKED_TEXTURED, SHADOW_KINDS };
 typedef struct Pipeline {
     VkPipelineLayout layout;
     VkPipeline pipeline;
+    Arena *arena;        /* its own */
+    bool wanted;
+    uint64_t idle_since; /* frame; while it is not wanted */
 } Pipeline;
+
+/* All of them, by number: those of the forward pass, of what stays and of objects, by lighting and surface; the sky's; by
+ * pass; by shadow. */
+enum { PIPELINE_OBJECTS = FORWARD_KINDS * SURFACE_KINDS, PIPELINE_SKY = 2 * PIPELINE_OBJECTS, PIPELINE_GI,
+       PIPELINE_SHADOW = PIPELINE_GI + GI_PASSES, PIPELINES = PIPELINE_SHADOW + SHADOW_KINDS };
+
+static inline uint32_t chiaro_pipeline_forward(uint32_t lighting, uint32_t surface, bool object)
+{
+    return (object ? PIPELINE_OBJECTS : 0u) + SURFACE_KINDS * lighting + surface;
+}
 
 /* Set layouts and samplers: no memory to speak of, made with the context. */
 typedef struct Layouts {
@@ -159,10 +172,12 @@ void chiaro_set_texels(ChiaroVulkan *context, Arena *arena, VkDescriptorSet set,
                        VkFormat format);
 void chiaro_set_image(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, VkImageView view,
                       VkSampler sampler, VkImageLayout layout);
-/* Makes every pipeline that the state of the context asks for and that does not exist yet. */
+/* Makes every pipeline that the state of the context asks for and that does not exist yet; others become idle. */
 ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context);
-/* Lets go of those that settings are compiled into. */
-void chiaro_pipelines_retire_forward(ChiaroVulkan *context);
+/* Lets go of those that were idle for CHIARO_PIPELINE_FRAMES. */
+void chiaro_pipelines_collect(ChiaroVulkan *context);
+/* Lets go of those that settings are compiled into; or of all. */
+void chiaro_pipelines_retire(ChiaroVulkan *context, bool all);
 
 /* ---- links.c ------------------------------------------------------------------------------------------------------ */
 
@@ -417,10 +432,8 @@ struct ChiaroVulkan {
     SkyState sky;
     ObjectsState objects;
     BounceState bounce;
-    Arena *forward_arena; /* pipelines that settings are compiled into */
-    Arena *pipeline_arena; /* the others */
-    Pipeline forward[FORWARD_KINDS][SURFACE_KINDS], forward_objects[FORWARD_KINDS][SURFACE_KINDS];
-    Pipeline sky_background, gi[GI_PASSES], shadow[SHADOW_KINDS];
+    Pipeline pipelines[PIPELINES];
+    uint32_t idle_pipelines;
     bool gi_changed; /* something that bounce light depends on has changed since the last update */
     uint32_t *sample_code; /* the host's */
     uint32_t dispatches, shadow_passes, tasks; /* of the last update */

@@ -1,5 +1,6 @@
 /* Shaders, layouts and pipelines. Each pipeline is made when the state of the context first asks for it: a scene without
- * textures, lights, masks or sky never has a pipeline, a binding or a line of shader for them.
+ * textures, lights, masks or sky never has a pipeline, a binding or a line of shader for them. When nothing asks for it any
+ * more it goes, but not at once: making one takes longer than a frame, and a lamp may flicker.
  *
  * Descriptor sets of the forward pass: 0 lights and shadow maps, 2 textures, 3 objects; empty where left out.
  */
@@ -346,7 +347,7 @@ static const VkSpecializationMapEntry forward_entries[5] = {{0, offsetof(Forward
 /* Vertices of what stays: with the irradiance of each. Of objects: with what their bake says. */
 enum { VERTEX_ATTRIBUTES = 5, STILL_ATTRIBUTES = 1, OBJECT_ATTRIBUTES = 4 };
 
-static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lighting, uint32_t surface, bool object)
+static void create_forward(ChiaroVulkan *context, Pipeline *made, uint32_t lighting, uint32_t surface, bool object)
 {
     bool lit = lighting & FORWARD_LIT, gi = lighting & FORWARD_GI, textured = surface & SURFACE_TEXTURED;
     bool blocked = lighting & FORWARD_BLOCKED;
@@ -382,9 +383,8 @@ static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lig
                                   (surface & SURFACE_MASKED) != 0, (lighting & FORWARD_SUN) != 0,
                                   (lighting & FORWARD_PIECES) != 0};
     VkSpecializationInfo specialization = {5, forward_entries, sizeof constants, &constants};
-    Pipeline made = {create_layout(context, arena, 4, sets, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT,
-                                   sizeof(ChiaroForwardPush)),
-                     VK_NULL_HANDLE};
+    made->layout = create_layout(context, made->arena, 4, sets,
+                                 VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, sizeof(ChiaroForwardPush));
     static const uint32_t fragments[8] = {
         SHADER_forward_frag,          SHADER_forward_lit_frag,          SHADER_forward_textured_frag,
         SHADER_forward_lit_textured_frag, SHADER_forward_blocked_frag,  SHADER_forward_blocked_lit_frag,
@@ -397,7 +397,7 @@ static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lig
                          .fragment = fragments[4 * blocked + 2 * textured + lit],
                          .constants = &specialization,
                          .input = &input,
-                         .layout = made.layout,
+                         .layout = made->layout,
                          .pass = context->desc.render_pass,
                          .subpass = context->desc.subpass,
                          .samples = context->desc.samples,
@@ -405,11 +405,10 @@ static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lig
                          .compare = context->desc.reversed_z ? VK_COMPARE_OP_GREATER : VK_COMPARE_OP_LESS,
                          .depth_write = true,
                          .color = true};
-    made.pipeline = create_graphics(context, arena, &desc);
-    return made;
+    made->pipeline = create_graphics(context, made->arena, &desc);
 }
 
-static Pipeline create_shadow(ChiaroVulkan *context, Arena *arena, uint32_t kind)
+static void create_shadow(ChiaroVulkan *context, Pipeline *made, uint32_t kind)
 {
     bool masked = kind != SHADOW_OPAQUE, textured = kind == SHADOW_MASKED_TEXTURED;
     VkVertexInputBindingDescription bindings[2] = {{0, 3 * sizeof(float), VK_VERTEX_INPUT_RATE_VERTEX},
@@ -422,47 +421,43 @@ static Pipeline create_shadow(ChiaroVulkan *context, Arena *arena, uint32_t kind
                                                   .vertexAttributeDescriptionCount = masked ? 2 : 1,
                                                   .pVertexAttributeDescriptions = attributes};
     VkDescriptorSetLayout set = textured ? context->layouts.texture : context->layouts.none;
-    Pipeline made = {create_layout(context, arena, 1, &set, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT,
-                                   sizeof(ChiaroShadowPush)),
-                     VK_NULL_HANDLE};
+    made->layout = create_layout(context, made->arena, 1, &set,
+                                 VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, sizeof(ChiaroShadowPush));
     uint32_t mask = textured ? SHADER_shadow_mask_textured_frag : SHADER_shadow_mask_frag;
     GraphicsDesc desc = {.vertex = masked ? SHADER_shadow_mask_vert : SHADER_shadow_vert,
                          .fragment = masked ? mask : SHADER_COUNT,
                          .input = &input,
-                         .layout = made.layout,
+                         .layout = made->layout,
                          .pass = context->layouts.shadow_pass,
                          .samples = VK_SAMPLE_COUNT_1_BIT,
                          .cull = VK_CULL_MODE_NONE, /* both sides block */
                          .compare = VK_COMPARE_OP_GREATER,
                          .depth_write = true};
-    made.pipeline = create_graphics(context, arena, &desc);
-    return made;
+    made->pipeline = create_graphics(context, made->arena, &desc);
 }
 
-static Pipeline create_background(ChiaroVulkan *context, Arena *arena)
+static void create_background(ChiaroVulkan *context, Pipeline *made)
 {
     VkPipelineVertexInputStateCreateInfo input = {.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO};
     ForwardConstants constants = {0, context->settings.tone_map, VK_FALSE, VK_FALSE, VK_FALSE};
     VkSpecializationInfo specialization = {5, forward_entries, sizeof constants, &constants};
-    Pipeline made = {create_layout(context, arena, 1, &context->layouts.sky,
-                                   VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, sizeof(ChiaroSkyPush)),
-                     VK_NULL_HANDLE};
+    made->layout = create_layout(context, made->arena, 1, &context->layouts.sky,
+                                 VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, sizeof(ChiaroSkyPush));
     GraphicsDesc desc = {.vertex = SHADER_sky_vert,
                          .fragment = SHADER_sky_frag,
                          .constants = &specialization,
                          .input = &input,
-                         .layout = made.layout,
+                         .layout = made->layout,
                          .pass = context->desc.render_pass,
                          .subpass = context->desc.subpass,
                          .samples = context->desc.samples,
                          .cull = VK_CULL_MODE_NONE,
                          .compare = VK_COMPARE_OP_EQUAL, /* where the cleared depth is left */
                          .color = true};
-    made.pipeline = create_graphics(context, arena, &desc);
-    return made;
+    made->pipeline = create_graphics(context, made->arena, &desc);
 }
 
-static Pipeline create_gi(ChiaroVulkan *context, Arena *arena, uint32_t pass)
+static void create_gi(ChiaroVulkan *context, Pipeline *made, uint32_t pass)
 {
     static const uint32_t shaders[GI_PASSES] = {
         [GI_SAMPLES_LIT] = SHADER_samples_lit_comp,
@@ -479,9 +474,9 @@ static Pipeline create_gi(ChiaroVulkan *context, Arena *arena, uint32_t pass)
     const VkBool32 colored = pass == GI_PATTERNS_COLORED;
     const VkSpecializationMapEntry entry = {0, 0, sizeof colored};
     const VkSpecializationInfo constants = {1, &entry, sizeof colored, &colored};
-    Pipeline made = {create_layout(context, arena, !lit ? 1 : desc->shadow_layout ? 3 : 2, sets, VK_SHADER_STAGE_COMPUTE_BIT,
-                                   sizeof(ChiaroComputePush)),
-                     VK_NULL_HANDLE};
+    Arena *arena = made->arena;
+    made->layout = create_layout(context, arena, !lit ? 1 : desc->shadow_layout ? 3 : 2, sets,
+                                 VK_SHADER_STAGE_COMPUTE_BIT, sizeof(ChiaroComputePush));
     VkShaderModule module = lit && desc->sample_code
                                 ? chiaro_shader_module(context, arena, desc->sample_code, desc->sample_code_size)
                                 : chiaro_shader_create(context, arena, shaders[pass]);
@@ -491,42 +486,80 @@ static Pipeline create_gi(ChiaroVulkan *context, Arena *arena, uint32_t pass)
                                                   .module = module,
                                                   .pName = "main",
                                                   .pSpecializationInfo = &constants},
-                                        .layout = made.layout};
+                                        .layout = made->layout};
     if (arena->result == CHIARO_OK) {
         VkPipeline pipeline = VK_NULL_HANDLE;
         VkResult result = context->vk.CreateComputePipelines(context->desc.device, context->desc.pipeline_cache, 1,
                                                              &info, context->desc.allocation_callbacks, &pipeline);
         if (chiaro_arena_keep(context, arena, result, "vkCreateComputePipelines", VK_OBJECT_TYPE_PIPELINE,
                               (uint64_t)pipeline))
-            made.pipeline = pipeline;
+            made->pipeline = pipeline;
     }
     context->vk.DestroyShaderModule(context->desc.device, module, context->desc.allocation_callbacks);
-    return made;
 }
 
-void chiaro_pipelines_retire_forward(ChiaroVulkan *context)
+/* ---- which of them there are -------------------------------------------------------------------------------------- */
+
+static void retire(ChiaroVulkan *context, Pipeline *pipeline)
 {
-    chiaro_arena_retire(context, &context->forward_arena);
-    memset(context->forward, 0, sizeof context->forward);
-    memset(context->forward_objects, 0, sizeof context->forward_objects);
-    memset(&context->sky_background, 0, sizeof context->sky_background);
+    chiaro_arena_retire(context, &pipeline->arena);
+    *pipeline = (Pipeline){.wanted = false};
 }
 
-/* The failure of an arena is reported once: what exists stays good, what is missing is tried again next time. */
-static ChiaroResult take_result(Arena *arena)
+void chiaro_pipelines_retire(ChiaroVulkan *context, bool all)
 {
-    ChiaroResult result = arena->result;
-    arena->result = CHIARO_OK;
+    for (uint32_t i = 0; i < (all ? PIPELINES : PIPELINE_GI); i++)
+        retire(context, &context->pipelines[i]);
+}
+
+void chiaro_pipelines_collect(ChiaroVulkan *context)
+{
+    for (uint32_t i = 0; context->idle_pipelines > 0 && i < PIPELINES; i++) {
+        Pipeline *pipeline = &context->pipelines[i];
+        if (!pipeline->arena || pipeline->wanted || context->frame < pipeline->idle_since + CHIARO_PIPELINE_FRAMES)
+            continue;
+        retire(context, pipeline);
+        context->idle_pipelines--;
+    }
+}
+
+static void create(ChiaroVulkan *context, uint32_t number, Pipeline *made)
+{
+    uint32_t forward = number % PIPELINE_OBJECTS;
+    if (number >= PIPELINE_SHADOW)
+        create_shadow(context, made, number - PIPELINE_SHADOW);
+    else if (number >= PIPELINE_GI)
+        create_gi(context, made, number - PIPELINE_GI);
+    else if (number == PIPELINE_SKY)
+        create_background(context, made);
+    else
+        create_forward(context, made, forward / SURFACE_KINDS, forward % SURFACE_KINDS, number >= PIPELINE_OBJECTS);
+}
+
+/* What exists stays good, what is missing is tried again next time. */
+static ChiaroResult prepare(ChiaroVulkan *context, uint32_t number)
+{
+    Pipeline *pipeline = &context->pipelines[number];
+    if (pipeline->pipeline)
+        return CHIARO_OK;
+    pipeline->arena = chiaro_arena_create(context);
+    if (!pipeline->arena)
+        return CHIARO_ERROR_MEMORY;
+    create(context, number, pipeline);
+    ChiaroResult result = pipeline->arena->result;
+    if (result != CHIARO_OK) {
+        chiaro_arena_destroy(context, pipeline->arena);
+        *pipeline = (Pipeline){.wanted = true};
+    }
     return result;
 }
 
 /* One that draws a kind of surface, if there is any of that kind. */
-static void prepare_forward(ChiaroVulkan *context, uint32_t lighting, uint32_t kind, bool object)
+static void want_forward(ChiaroVulkan *context, uint32_t lighting, uint32_t kind, bool object)
 {
-    Pipeline *pipeline = object ? &context->forward_objects[lighting][kind] : &context->forward[lighting][kind];
     uint32_t surfaces = object ? context->objects.meshes.surfaces : context->scene.surfaces;
-    if ((surfaces >> kind & 1) && !pipeline->pipeline)
-        *pipeline = create_forward(context, context->forward_arena, lighting, kind, object);
+    if (surfaces >> kind & 1)
+        context->pipelines[chiaro_pipeline_forward(lighting, kind, object)].wanted = true;
 }
 
 static bool needs_pass(const ChiaroVulkan *context, uint32_t pass, bool lit)
@@ -542,12 +575,8 @@ static bool needs_pass(const ChiaroVulkan *context, uint32_t pass, bool lit)
     }
 }
 
-ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
+static void want(ChiaroVulkan *context)
 {
-    if (!context->forward_arena && !(context->forward_arena = chiaro_arena_create(context)))
-        return CHIARO_ERROR_MEMORY;
-    if (!context->pipeline_arena && !(context->pipeline_arena = chiaro_arena_create(context)))
-        return CHIARO_ERROR_MEMORY;
     bool lit = chiaro_vulkan_lights(context) > 0, gi = chiaro_vulkan_gi(context);
     uint32_t lighting = chiaro_forward_lighting(context), object_lighting = chiaro_object_lighting(context);
     uint32_t shadows = context->scene.shadows | context->objects.meshes.shadows;
@@ -555,20 +584,37 @@ ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
     uint32_t direct = context->settings.direct_too ? chiaro_direct_lighting(context) : lighting;
     uint32_t direct_objects = context->settings.direct_too ? direct : object_lighting;
     for (uint32_t kind = 0; kind < SURFACE_KINDS && !context->desc.light_only; kind++) {
-        prepare_forward(context, lighting, kind, false);
-        prepare_forward(context, apart, kind, false);
-        prepare_forward(context, direct, kind, false);
-        prepare_forward(context, object_lighting, kind, true);
-        prepare_forward(context, direct_objects, kind, true);
+        want_forward(context, lighting, kind, false);
+        want_forward(context, apart, kind, false);
+        want_forward(context, direct, kind, false);
+        want_forward(context, object_lighting, kind, true);
+        want_forward(context, direct_objects, kind, true);
     }
-    if (chiaro_vulkan_background(context) && !context->sky_background.pipeline)
-        context->sky_background = create_background(context, context->forward_arena);
-    for (uint32_t kind = 0; lit && chiaro_vulkan_own_shadows(context) && kind < SHADOW_KINDS; kind++)
-        if ((shadows >> kind & 1) && !context->shadow[kind].pipeline)
-            context->shadow[kind] = create_shadow(context, context->pipeline_arena, kind);
-    for (uint32_t pass = 0; gi && pass < GI_PASSES; pass++)
-        if (needs_pass(context, pass, lit) && !context->gi[pass].pipeline)
-            context->gi[pass] = create_gi(context, context->pipeline_arena, pass);
-    ChiaroResult forward = take_result(context->forward_arena), other = take_result(context->pipeline_arena);
-    return forward != CHIARO_OK ? forward : other;
+    context->pipelines[PIPELINE_SKY].wanted = chiaro_vulkan_background(context);
+    for (uint32_t kind = 0; kind < SHADOW_KINDS; kind++)
+        context->pipelines[PIPELINE_SHADOW + kind].wanted =
+            lit && chiaro_vulkan_own_shadows(context) && (shadows >> kind & 1);
+    for (uint32_t pass = 0; pass < GI_PASSES; pass++)
+        context->pipelines[PIPELINE_GI + pass].wanted = gi && needs_pass(context, pass, lit);
+}
+
+ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
+{
+    bool were_wanted[PIPELINES];
+    ChiaroResult result = CHIARO_OK;
+    for (uint32_t i = 0; i < PIPELINES; i++) {
+        were_wanted[i] = context->pipelines[i].wanted;
+        context->pipelines[i].wanted = false;
+    }
+    want(context);
+    context->idle_pipelines = 0;
+    for (uint32_t i = 0; i < PIPELINES; i++) {
+        Pipeline *pipeline = &context->pipelines[i];
+        ChiaroResult made = pipeline->wanted ? prepare(context, i) : CHIARO_OK;
+        result = result == CHIARO_OK ? made : result;
+        if (were_wanted[i] && !pipeline->wanted)
+            pipeline->idle_since = context->frame;
+        context->idle_pipelines += pipeline->arena && !pipeline->wanted;
+    }
+    return result;
 }

@@ -67,7 +67,7 @@ static void draw_shadow_parts(ChiaroVulkan *context, VkCommandBuffer commands, c
         const DrawPart *part = &scene->parts[i];
         if (!part->in_shadow || part->shadow_count == 0 || !part_in_view(part, push))
             continue;
-        const Pipeline *pipeline = &context->shadow[part->shadow];
+        const Pipeline *pipeline = &context->pipelines[PIPELINE_SHADOW + part->shadow];
         if (!pipeline->pipeline)
             continue;
         if (part->shadow != bound) {
@@ -352,7 +352,7 @@ static void draw_parts(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t
     for (uint32_t i = 0; i < scene->part_count; i++) {
         const DrawPart *part = &scene->parts[i];
         uint32_t own = chiaro_objects_near(context, part) ? lighting : lighting & ~(uint32_t)FORWARD_OBJECTS;
-        const Pipeline *pipeline = &context->forward[own][part->surface];
+        const Pipeline *pipeline = &context->pipelines[chiaro_pipeline_forward(own, part->surface, false)];
         if (!pipeline->pipeline)
             continue;
         if (pipeline != bound)
@@ -372,7 +372,7 @@ static void draw_objects(ChiaroVulkan *context, VkCommandBuffer commands, uint32
     context->vk.CmdBindVertexBuffers(commands, 0, lighting & FORWARD_GI ? 2 : 1, vertices, offsets);
     context->vk.CmdBindIndexBuffer(commands, objects->meshes.indices.buffer, 0, VK_INDEX_TYPE_UINT32);
     for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++) {
-        const Pipeline *pipeline = &context->forward_objects[lighting][kind];
+        const Pipeline *pipeline = &context->pipelines[chiaro_pipeline_forward(lighting, kind, true)];
         if (!(objects->meshes.surfaces >> kind & 1) || !pipeline->pipeline)
             continue;
         bind_forward(context, commands, pipeline, lighting, true);
@@ -402,7 +402,7 @@ static void corner_direction(const ChiaroVulkanDraw *draw, float x, float y, flo
 static void draw_sky(ChiaroVulkan *context, const ChiaroVulkanDraw *draw, float exposure)
 {
     const VulkanFunctions *vk = &context->vk;
-    const Pipeline *pipeline = &context->sky_background;
+    const Pipeline *pipeline = &context->pipelines[PIPELINE_SKY];
     ChiaroSkyPush push = {.tone = {exposure, context->desc.reversed_z ? 0.0f : 1.0f, 0, 0}};
     corner_direction(draw, -1, -1, push.corner0);
     corner_direction(draw, 3, -1, push.corner1);
@@ -430,6 +430,6 @@ void chiaro_record_draw(ChiaroVulkan *context, const ChiaroVulkanDraw *draw)
     draw_objects(context, draw->command_buffer,
                  direct ? chiaro_direct_lighting(context) : chiaro_object_lighting(context), &push);
     /* A sky that no update has copied yet is not there yet. */
-    if (chiaro_vulkan_background(context) && !context->sky.upload.arena && context->sky_background.pipeline)
+    if (chiaro_vulkan_background(context) && !context->sky.upload.arena && context->pipelines[PIPELINE_SKY].pipeline)
         draw_sky(context, draw, exposure);
 }
