@@ -34,6 +34,7 @@ static const char help[] =
 /* A scene that was dropped on the window: another process bakes it, while this one goes on. */
 typedef struct Drop {
     char *path; /* NULL: none */
+    char *shown; /* that of the scene that is shown, if it was dropped */
     pid_t process;
     int messages; /* the end of a pipe */
 } Drop;
@@ -117,6 +118,9 @@ static void open_dropped(Window *window)
     loaded_finish(&options, &window->viewer.load);
     viewer_open(&window->viewer, &options);
     glfwSetWindowTitle(window->window, options.input);
+    free(window->drop.shown);
+    window->drop.shown = window->drop.path;
+    window->drop.path = NULL;
 }
 
 static void follow_drop(Window *window)
@@ -130,7 +134,6 @@ static void follow_drop(Window *window)
     close(drop->messages);
     if (WIFEXITED(status) && WEXITSTATUS(status) == CHIARO_EXIT_OK) {
         open_dropped(window);
-        drop->path = NULL; /* the options have it, for as long as the program runs */
         return;
     }
     message[length > 0 ? length : 0] = 0;
@@ -356,6 +359,7 @@ int main(int argc, char **argv)
         free(window.drop.path);
     }
     viewer_destroy(viewer);
+    free(window.drop.shown);
     glfwDestroyWindow(window.window);
     glfwTerminate();
     if (viewer->host.validation_messages > 0)

@@ -555,7 +555,7 @@ static uint32_t *look(const Run *run, const uint32_t *before, int *width, int *h
 {
     uint32_t *last = window_pixels(&run->screen, run->window, width, height);
     for (double end = clock_now() + SCREEN_PATIENCE; clock_now() < end;) {
-        nanosleep(&(struct timespec){0, 400000000}, NULL);
+        wait_for(SCREEN_REST);
         uint32_t *next = window_pixels(&run->screen, run->window, width, height);
         const size_t size = (size_t)*width * (size_t)*height * sizeof *last;
         bool same = memcmp(last, next, size) == 0, old = before && memcmp(before, next, size) == 0;
@@ -718,7 +718,7 @@ static void a_dropped_scene_opens_and_a_bad_one_does_not(void **state)
     assert_true(chiaro_io_write_file(bad, "glTF?", 5, &error));
     ChiaroIoImage room = shoot(&run);
     drop_file(&run.screen, run.window, bad);
-    nanosleep(&(struct timespec){1, 0}, NULL);
+    wait_for(1000);
     ChiaroIoImage still = shoot(&run);
     assert_true(same_picture(&room, &still));
     drop_file(&run.screen, run.window, motion);

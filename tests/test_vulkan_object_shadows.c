@@ -87,7 +87,7 @@ static void objects_cast_the_shadows_of_things_that_stay(void **state)
     free_shape(&shape);
 }
 
-static void only_lights_that_an_object_is_in_look_again(void **state)
+static void only_views_that_an_object_is_in_are_drawn_again(void **state)
 {
     (void)state;
     Shape shape = make_shape("box", 0.5f);
@@ -105,12 +105,14 @@ static void only_lights_that_an_object_is_in_look_again(void **state)
     assert_int_equal(play.stage.api->lights_set(play.stage.chiaro, lights, 2), CHIARO_OK);
     moved_to(transform, vec3(1.5f, 0.3f, 0), 0, 1);
     uint32_t id = add_object(&play, &shape.object, transform);
+    /* Below a light it is in the view down; level with it and beside it, in the one to that side, and at its edges. */
     const struct {
-        float x;
+        Vec3 place;
         uint32_t passes;
-    } ways[5] = {{1.5f, 12}, {1.5f, 0}, {1.6f, 6}, {0, 6}, {-0.1f, 0}};
-    for (int i = 0; i < 5; i++) {
-        moved_to(transform, vec3(ways[i].x, 0.3f, 0), 0, 1);
+    } ways[6] = {{{1.5f, 0.3f, 0}, 12}, {{1.5f, 0.3f, 0}, 0}, {{1.5f, 0.25f, 0}, 1}, {{0.4f, 1, 0}, 2},
+                 {{0.35f, 1, 0}, 1},    {{-0.1f, 1, 0}, 1}};
+    for (int i = 0; i < 6; i++) {
+        moved_to(transform, ways[i].place, 0, 1);
         assert_int_equal(chiaro_object_move(play.world, id, transform), CHIARO_OK);
         render(&play.stage);
         assert_int_equal(play.stage.api->stats(play.stage.chiaro, &stats), CHIARO_OK);
@@ -120,6 +122,47 @@ static void only_lights_that_an_object_is_in_look_again(void **state)
     assert_int_equal(play.stage.api->object_show(play.stage.chiaro, id, CHIARO_NONE), CHIARO_OK);
     render(&play.stage);
     assert_int_equal(object_stats(&play).shown, 0);
+    close_play(&play);
+    free_shape(&shape);
+}
+
+/* Four of them may wait for one another, but not for long, and the picture ends the same. */
+static void views_take_turns_where_they_are_limited(void **state)
+{
+    (void)state;
+    static float at_once[SIZE * SIZE * 4];
+    Shape shape = make_shape("box", 0.5f);
+    Play play = {.stage = open_stage((HostDesc){0}), .scene = floor_mesh()};
+    MadeTransportDesc desc = {.mesh_steps = 6, .sample_steps = 6, .points = 1, .links = 8};
+    ChiaroVulkanStats stats = {.struct_size = sizeof stats};
+    ChiaroLight lights[4];
+    float here[16], there[16];
+    for (uint32_t i = 0; i < 4; i++)
+        lights[i] = point_light(vec3(i % 2 ? -1.5f : 1.5f, 2, i / 2 ? -1.5f : 1.5f), 1);
+    create_context(&play.stage, NULL);
+    load(&play.stage, &play.scene.scene, &desc);
+    look_down(&play.stage);
+    play.world = make_world(4, CHIARO_CUBE_UNORM8, NULL);
+    load_objects(&play, &shape.made.scene, &shape.object);
+    assert_int_equal(play.stage.api->lights_set(play.stage.chiaro, lights, 4), CHIARO_OK);
+    moved_to(here, vec3(0.2f, 0.3f, 0.1f), 0.3f, 1);
+    moved_to(there, vec3(-0.3f, 0.4f, -0.2f), 0.8f, 1);
+    uint32_t id = add_object(&play, &shape.object, here);
+    memcpy(at_once, settled(&play), sizeof at_once);
+    assert_int_equal(chiaro_object_move(play.world, id, there), CHIARO_OK);
+    settled(&play);
+    uint32_t passes = 0, frames = 0;
+    play.stage.shadow_views = 1;
+    assert_int_equal(chiaro_object_move(play.world, id, here), CHIARO_OK);
+    do {
+        render(&play.stage);
+        assert_int_equal(play.stage.api->stats(play.stage.chiaro, &stats), CHIARO_OK);
+        assert_true(stats.shadow_passes <= 1);
+        passes += stats.shadow_passes;
+    } while (stats.shadow_passes > 0 && ++frames < 25);
+    assert_in_range(passes, 4, 24);
+    assert_int_equal(frames, passes);
+    assert_memory_equal(settled(&play), at_once, sizeof at_once);
     close_play(&play);
     free_shape(&shape);
 }
@@ -370,7 +413,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(constants_of_blockers_are_the_shaders),
         cmocka_unit_test(objects_cast_the_shadows_of_things_that_stay),
-        cmocka_unit_test(only_lights_that_an_object_is_in_look_again),
+        cmocka_unit_test(only_views_that_an_object_is_in_are_drawn_again),
+        cmocka_unit_test(views_take_turns_where_they_are_limited),
         cmocka_unit_test(a_ball_darkens_the_floor_as_the_cpu_says),
         cmocka_unit_test(a_box_darkens_the_floor_as_the_cpu_says),
         cmocka_unit_test(light_of_the_scene_comes_back_without_waiting),

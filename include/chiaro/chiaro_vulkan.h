@@ -153,6 +153,10 @@ typedef struct ChiaroVulkanUpdate {
     uint32_t has_eye;               /**< 1: eye and forward are set: what is seen comes first. */
     float eye[3], forward[3];       /**< In the world; forward unit. */
     VkDescriptorSet shadow_set;     /**< Set 2 of sample_code. Must stay as it is while the command buffer runs. */
+    uint32_t shadow_views;          /**< Views of shadow maps that are drawn anew because objects moved in them, at most: of n
+                                     * that wait, none does so for longer than ceil(n / shadow_views) frames. A point light
+                                     * has six views. 0: all. What a light needs that moves itself is not limited. */
+    uint32_t reserved1;
 } ChiaroVulkanUpdate;
 
 typedef struct ChiaroVulkanDraw {

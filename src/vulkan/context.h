@@ -248,6 +248,9 @@ typedef struct LightState {
     ChiaroLight lights[CHIARO_MAX_LIGHTS];
     ChiaroGpuLight gpu[CHIARO_LIGHT_SLOTS];
     bool stale[CHIARO_LIGHT_SLOTS]; /* its shadow map must be drawn */
+    uint8_t touched[CHIARO_LIGHT_SLOTS]; /* views of it that objects have moved in since they were drawn, as bits */
+    uint32_t next_view;                  /* of all, whose turn it is among these */
+    bool due;                            /* some of them wait */
     uint32_t count;                 /* of the host's */
     bool changed;
     Arena *arena;

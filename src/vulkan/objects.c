@@ -333,13 +333,36 @@ static bool reaches(const ChiaroGpuLight *light, Vec3 center, float radius)
     return light->info[1] || vec3_dot(way, vec3_load(light->direction)) > -radius;
 }
 
+/* The views of a light, as bits, that a ball may be seen in. */
+static uint8_t views_of(const ChiaroGpuLight *light, Vec3 center, float radius)
+{
+    Vec3 way = vec3_sub(center, vec3_load(light->position));
+    const float at[3] = {way.x, way.y, way.z}, extent = light->right[3];
+    const float room = radius * sqrtf(1 + extent * extent); /* from a side of the view to the ball's centre */
+    uint8_t views = 0;
+    if (!light->info[1])
+        return 1;
+    for (uint32_t view = 0; view < 6; view++) {
+        float forward = extent * (view % 2 ? -at[view / 2] : at[view / 2]) + room;
+        if (forward >= fabsf(at[(view / 2 + 1) % 3]) && forward >= fabsf(at[(view / 2 + 2) % 3]))
+            views |= (uint8_t)(1u << view);
+    }
+    return views;
+}
+
 /* What a light saw of an object, before it moved or after, is no longer right. */
 static void touch_lights(ChiaroVulkan *context, const ShownObject *shown)
 {
     LightState *lights = &context->lights;
-    for (uint32_t i = 0; i < chiaro_vulkan_lights(context); i++)
-        if (reaches(&lights->gpu[i], vec3_load(shown->center), shown->radius))
-            lights->stale[i] = lights->changed = context->objects.shadow_moved = true;
+    Vec3 center = vec3_load(shown->center);
+    bool own = chiaro_vulkan_own_shadows(context);
+    for (uint32_t i = 0; i < chiaro_vulkan_lights(context); i++) {
+        if (!reaches(&lights->gpu[i], center, shown->radius))
+            continue;
+        lights->touched[i] |= own ? views_of(&lights->gpu[i], center, shown->radius) : 0;
+        lights->due |= own;
+        context->objects.shadow_moved = true;
+    }
 }
 
 /* Grows what suns look at. True if it grew. */

@@ -129,6 +129,8 @@ static void draw_shadow_objects(ChiaroVulkan *context, VkCommandBuffer commands,
     }
 }
 
+enum { VIEWS = 6 };
+
 static void record_shadow_map(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroGpuLight *light,
                               uint32_t face)
 {
@@ -179,18 +181,39 @@ static void give_layouts(ChiaroVulkan *context, VkCommandBuffer commands)
                                    0, 0, NULL, 0, NULL, count, barriers);
 }
 
-static void record_shadow_maps(ChiaroVulkan *context, VkCommandBuffer commands)
+/* A light whose view has changed is drawn at once. Views that objects have moved in take turns where the host limits
+ * them: with k of n in a frame, none is older than ceil(n / k) frames. */
+static void record_shadow_maps(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t limit)
 {
     LightState *lights = &context->lights;
+    uint32_t count = chiaro_vulkan_lights(context), first = lights->next_view;
     if (lights->fresh)
         give_layouts(context, commands);
     lights->fresh = false;
-    for (uint32_t i = 0; i < chiaro_vulkan_lights(context); i++) {
-        uint32_t faces = lights->gpu[i].info[1] ? 6 : 1;
-        for (uint32_t face = 0; lights->stale[i] && !lights->gpu[i].info[3] && face < faces; face++)
-            record_shadow_map(context, commands, &lights->gpu[i], face);
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t views = lights->gpu[i].info[1] ? VIEWS : 1;
+        if (lights->gpu[i].info[3] || lights->stale[i])
+            lights->touched[i] = 0;
+        for (uint32_t view = 0; lights->stale[i] && !lights->gpu[i].info[3] && view < views; view++)
+            record_shadow_map(context, commands, &lights->gpu[i], view);
         lights->stale[i] = false;
     }
+    limit = limit ? limit : UINT32_MAX;
+    lights->due = false;
+    for (uint32_t n = 0; n < VIEWS * count; n++) {
+        uint32_t number = (first + n) % (VIEWS * count), i = number / VIEWS, view = number % VIEWS;
+        if (!(lights->touched[i] >> view & 1))
+            continue;
+        lights->due = limit == 0;
+        if (limit == 0)
+            break;
+        record_shadow_map(context, commands, &lights->gpu[i], view);
+        lights->touched[i] &= (uint8_t)~(1u << view);
+        lights->next_view = number + 1;
+        limit--;
+    }
+    /* Bounce light follows what comes late, too. */
+    context->objects.shadow_moved |= lights->due;
 }
 
 /* ---- small things ------------------------------------------------------------------------------------------------- */
@@ -247,11 +270,12 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands, const
 {
     bool lit = chiaro_vulkan_lights(context) > 0, gi = chiaro_vulkan_gi(context);
     bool lights = lit && context->lights.changed, leaves = gi && context->sky.changed;
+    bool maps = chiaro_vulkan_own_shadows(context) && (lights || (lit && context->lights.due));
     bool bounce = gi && (context->gi_changed || chiaro_bounce_busy(context));
     context->dispatches = context->shadow_passes = context->bounce.units = 0;
     if (context->sky.upload.arena)
         fill_sky_image(context, commands);
-    if (lights || leaves || bounce) {
+    if (lights || leaves || bounce || maps) {
         /* The frames before may still read what is written now. */
         VkPipelineStageFlags readers = VK_PIPELINE_STAGE_VERTEX_INPUT_BIT | VK_PIPELINE_STAGE_VERTEX_SHADER_BIT |
                                        VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT |
@@ -267,8 +291,8 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands, const
                 VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT);
         context->updates++;
     }
-    if (lights && chiaro_vulkan_own_shadows(context))
-        record_shadow_maps(context, commands);
+    if (maps)
+        record_shadow_maps(context, commands, info->shadow_views);
     chiaro_vulkan_lap(context, LAP_SHADOWS);
     if (bounce) {
         chiaro_bounce_record(context, commands, info);

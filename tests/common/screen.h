@@ -18,7 +18,14 @@
 
 #include "clock.h"
 
-enum { SCREEN_WIDTH = 1200, SCREEN_HEIGHT = 900, SCREEN_PATIENCE = 60 /* seconds */ };
+enum { SCREEN_WIDTH = 1200, SCREEN_HEIGHT = 900 };
+/* How long a test waits for anything, in seconds, and for how long a window at rest does not change, in milliseconds. Under
+ * sanitizers frames take their time. */
+#ifdef NDEBUG
+enum { SCREEN_PATIENCE = 60, SCREEN_REST = 400 };
+#else
+enum { SCREEN_PATIENCE = 400, SCREEN_REST = 4000 };
+#endif
 
 typedef struct TestScreen {
     Display *display;
@@ -26,10 +33,12 @@ typedef struct TestScreen {
     char name[16]; /* for DISPLAY */
 } TestScreen;
 
-static inline void wait_a_little(void)
+static inline void wait_for(uint32_t milliseconds)
 {
-    nanosleep(&(struct timespec){0, 20000000}, NULL);
+    nanosleep(&(struct timespec){milliseconds / 1000, milliseconds % 1000 * 1000000L}, NULL);
 }
+
+static inline void wait_a_little(void) { wait_for(20); }
 
 /* A program that dies with the test. `display`, `log`: NULL for none; words end with NULL. */
 static inline pid_t start_program(const char *const *words, const char *display, const char *log)

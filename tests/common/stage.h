@@ -22,6 +22,7 @@ typedef struct Stage {
     ChiaroVulkanDraw draw;
     ChiaroTransport transport;
     ChiaroBudget budget; /* of every update */
+    uint32_t shadow_views;
 } Stage;
 
 static inline void must(const Stage *stage, bool good)
@@ -97,7 +98,8 @@ static inline void update(Stage *stage)
                                .command_buffer = stage->host.commands,
                                .frame = stage->host.frame,
                                .completed_frame = stage->host.frame - 1,
-                               .budget = stage->budget};
+                               .budget = stage->budget,
+                               .shadow_views = stage->shadow_views};
     assert_int_equal(stage->api->update(stage->chiaro, &info), CHIARO_OK);
 }
 
