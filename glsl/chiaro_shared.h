@@ -44,6 +44,8 @@
 /* Ideas that shaders do without: values of ChiaroVulkanWithout. */
 #define CHIARO_GPU_WITHOUT_CAVITY 8u
 #define CHIARO_GPU_WITHOUT_BENT_NORMALS 16u
+#define CHIARO_GPU_WITHOUT_EMITTERS 4096u
+#define CHIARO_GPU_WITHOUT_PULL_BACK 8192u
 
 /* Structures of buffers and push constants: only 16-byte members, so that both languages lay them out alike. */
 #ifdef __STDC_VERSION__
@@ -152,7 +154,8 @@ CHIARO_STRUCT(ChiaroComputePush)
 {
     CHIARO_UVEC4(range); /* first thing to do and the end of all, first value of the half that is read, and of that written;
                             blending: steps that are left, this one included */
-    CHIARO_UVEC4(more);  /* bouncing: number of samples. Receiving: first row, 1: irradiance is one that comes; unused */
+    CHIARO_UVEC4(more);  /* lighting: ideas that are out. Bouncing: number of samples. Receiving: first row, 1: irradiance is
+                            one that comes; unused */
 };
 
 /* What the passes need of a sample. */

@@ -443,6 +443,9 @@ static void a_shining_ball_lights_its_neighbour_by_its_solid_angle(void **state)
                         truth, (edge == 4 ? 0.14 : 0.08) * truth + 0.002);
             assert_near("irradiance away from it", distances[k], light_toward(world, id, &ball, vec3(-1, 0, 0), 0), 0,
                         0.05 * pi * 0.25 / (double)(distances[k] * distances[k]));
+            chiaro_world_without(world, CHIARO_WORLD_WITHOUT_EMITTERS);
+            settle(world);
+            assert_true(light_toward(world, id, &ball, vec3(1, 0, 0), 0) == 0);
             chiaro_world_destroy(world);
         }
     }

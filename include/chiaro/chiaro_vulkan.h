@@ -114,7 +114,9 @@ typedef enum ChiaroVulkanWithout {
     CHIARO_WITHOUT_FADES = 512,        /**< A newer cube is shown at once. */
     CHIARO_WITHOUT_SHADOWS = 1024,     /**< Lights shine through everything. */
     CHIARO_WITHOUT_SKY_SUN = 2048,     /**< The sun of the sky is out. */
-    CHIARO_WITHOUT_ALL = 4095
+    CHIARO_WITHOUT_EMITTERS = 4096,    /**< Surfaces that glow are seen, but light nothing. */
+    CHIARO_WITHOUT_PULL_BACK = 8192,   /**< Samples are lit as points on their surface: a lamp that comes close glares. */
+    CHIARO_WITHOUT_ALL = 16383
 } ChiaroVulkanWithout;
 
 /** All zero: bounce light on, everything shown, linear radiance. */

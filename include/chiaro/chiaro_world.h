@@ -145,7 +145,8 @@ typedef enum ChiaroWorldWithout {
     CHIARO_WORLD_WITHOUT_NEIGHBOURS = 64, /**< Objects do not see each other. */
     CHIARO_WORLD_WITHOUT_SKIN = 128,      /**< What is near is seen from a cube's centre, not from the object's skin. */
     CHIARO_WORLD_WITHOUT_SMOOTHING = 256, /**< Cubes hold radiance as it was painted. */
-    CHIARO_WORLD_WITHOUT_ALL = 448
+    CHIARO_WORLD_WITHOUT_EMITTERS = 4096, /**< Surfaces that glow light nothing. */
+    CHIARO_WORLD_WITHOUT_ALL = 4544
 } ChiaroWorldWithout;
 
 /** Takes ideas out, puts the others back: beginning with the next round.

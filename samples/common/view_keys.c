@@ -27,6 +27,8 @@ static const IdeaKey ideas[] = {
     {GLFW_KEY_V, CHIARO_WITHOUT_CAVITY, "cavity shading (5)"},
     {GLFW_KEY_N, CHIARO_WITHOUT_BENT_NORMALS, "bent normals (6)"},
     {GLFW_KEY_L, CHIARO_WITHOUT_LINKS, "surface samples, linked (7)"},
+    {GLFW_KEY_1, CHIARO_WITHOUT_PULL_BACK, "samples moved back from lamps that come close (7)"},
+    {GLFW_KEY_2, CHIARO_WITHOUT_EMITTERS, "light of surfaces that glow (7)"},
     {GLFW_KEY_M, CHIARO_WITHOUT_BOUNCES, "more than one bounce (7)"},
     {GLFW_KEY_J, CHIARO_WITHOUT_NEIGHBOURS, "neighbours of objects (9)"},
     {GLFW_KEY_O, CHIARO_WITHOUT_BLOCKERS, "objects light and block what stays (10)"},

@@ -12,7 +12,7 @@ enum { DEFAULT_LATENCY = 4 };
 
 /* What an item of a kind is taken to cost falls by this much a time toward what it does cost; it rises at once, but by no
  * more than this factor: one that was dear by chance must not stop the others for long. */
-static const float FORGET = 1.0f / 64, RISE = 8;
+static const float FORGET = 1.0f / 64, RISE = 2;
 /* And may be dearer than ever before by so much. */
 static const float MARGIN = 1.25f;
 

@@ -271,9 +271,12 @@ static void make_blockers(ChiaroWorld *world, BlockerGrid *grid, bool newest, ui
         if (newest ? !body->used : !body->present)
             continue;
         const float *axes = newest && body->painted ? world->next.axes : world->last.axes;
-        grid->view.blocker_count +=
-            chiaro_blockers_make(newest ? &body->now : &body->pose, body, axes + 36 * (size_t)body->first_element,
-                                 grid->cursor, grid->blockers + grid->view.blocker_count);
+        ChiaroWorldBlocker *made = grid->blockers + grid->view.blocker_count;
+        uint32_t made_count = chiaro_blockers_make(newest ? &body->now : &body->pose, body,
+                                                   axes + 36 * (size_t)body->first_element, grid->cursor, made);
+        for (uint32_t b = 0; b < made_count && (world->without & CHIARO_WORLD_WITHOUT_EMITTERS); b++)
+            memset(made[b].emission, 0, sizeof made[b].emission);
+        grid->view.blocker_count += made_count;
     }
 }
 

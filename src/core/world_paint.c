@@ -343,11 +343,13 @@ static void take_ray(Canvas *canvas, const StaticRay *ray, const StaticHit *hit,
         return;
     const ChiaroSample *sample = &world->desc.transport->samples[leaf];
     *piece = (Piece){.normal = back ? vec3_scale(normal, -1) : normal, .albedo = vec3_load(sample->albedo),
-                     .emission = vec3_load(sample->emission), .distance = distance, .visible = near * visible,
+                     .distance = distance, .visible = near * visible,
                      .leaf_area = sample->area, .back = back};
     piece->center = vec3_mad(canvas->center, ray->direction, distance);
     piece->seen = ray->angle * distance * distance;
     piece->area = piece->seen / fmaxf(GRAZING, fabsf(cosine));
+    if (!(world->without & CHIARO_WORLD_WITHOUT_EMITTERS))
+        piece->emission = vec3_load(sample->emission);
     if (light->lit) {
         piece->ambient = vec3_load(light->ambient + 3 * (size_t)leaf);
         piece->direct = vec3_sub(vec3_load(light->total + 3 * (size_t)leaf), piece->ambient);
@@ -545,7 +547,9 @@ static void light_elements(ChiaroWorld *world, const Body *body)
         Vec3 ambient = vec3(fmaxf(0, value[0]), fmaxf(0, value[1]), fmaxf(0, value[2]));
         Vec3 light = vec3_mad(chiaro_world_direct(world, place, normal), vec3_mul(ambient, vec3_load(more->cavity)),
                               CHIARO_PI);
-        light = vec3_add(vec3_mul(light, vec3_load(element->albedo)), vec3_load(more->emission));
+        light = vec3_mul(light, vec3_load(element->albedo));
+        if (!(world->without & CHIARO_WORLD_WITHOUT_EMITTERS))
+            light = vec3_add(light, vec3_load(more->emission));
         vec3_store(world->radiosity + 3 * (size_t)e, light);
     }
     chiaro_primitives_sum(&object->primitives, object->elements, world->radiosity,

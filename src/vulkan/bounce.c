@@ -125,7 +125,10 @@ static void record_stage(ChiaroVulkan *context, VkCommandBuffer commands, const 
     stage_range(context, stage, &push.range[0], &push.range[1]);
     push.range[0] += first * group_size(stage);
     switch (stage) {
-    case STAGE_SAMPLES: pass = chiaro_vulkan_lights(context) > 0 ? GI_SAMPLES_LIT : GI_SAMPLES_DARK; break;
+    case STAGE_SAMPLES:
+        pass = chiaro_vulkan_lights(context) > 0 ? GI_SAMPLES_LIT : GI_SAMPLES_DARK;
+        push.more[0] = context->settings.without;
+        break;
     case STAGE_PATTERNS:
         push.range[2] = chiaro_vulkan_without(context, CHIARO_WITHOUT_BOUNCES) ? 0 : again; /* fall through */
     case STAGE_SAMPLE_PATTERNS: pass = links_of(context, stage)->colored ? GI_PATTERNS_COLORED : GI_PATTERNS; break;

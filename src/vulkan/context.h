@@ -452,19 +452,25 @@ uint32_t chiaro_vulkan_microseconds(const ChiaroVulkan *context, uint64_t since)
 /* The time since the last lap, or the beginning of the update, went to this. */
 void chiaro_vulkan_lap(ChiaroVulkan *context, uint32_t lap);
 
+/* An idea has been taken out. */
+static inline bool chiaro_vulkan_without(const ChiaroVulkan *context, ChiaroVulkanWithout idea)
+{
+    return context->settings.without & (uint32_t)idea;
+}
+
+/* Samples give off light of their own. */
+static inline bool chiaro_vulkan_emitters(const ChiaroVulkan *context)
+{
+    return context->scene.emitters > 0 && !chiaro_vulkan_without(context, CHIARO_WITHOUT_EMITTERS);
+}
+
 /* Bounce light is wanted, possible, and not black. */
 static inline bool chiaro_vulkan_gi(const ChiaroVulkan *context)
 {
     return context->scene.gi_arena && !context->settings.gi_off &&
            context->settings.component != CHIARO_COMPONENT_PUNCTUAL &&
-           (context->lights.count > 0 || context->scene.emitters > 0 ||
+           (context->lights.count > 0 || chiaro_vulkan_emitters(context) ||
             (context->sky.set && context->scene.transport.sky_count > 0));
-}
-
-/* An idea has been taken out. */
-static inline bool chiaro_vulkan_without(const ChiaroVulkan *context, ChiaroVulkanWithout idea)
-{
-    return context->settings.without & (uint32_t)idea;
 }
 
 /* The sun of the sky shines: a light with a shadow, that counts as indirect as all light of the sky does. */
