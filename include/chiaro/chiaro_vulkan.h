@@ -30,6 +30,9 @@
  * redraws the shadow maps that a moved object is in, and hands the light of the static scene back to the world as soon as
  * the device has finished it. It never waits.
  *
+ * Features come and go with the scene, see describe(). What is only for a feature goes with its last user: memory at once,
+ * pipelines CHIARO_PIPELINE_FRAMES later.
+ *
  * Frames: the host numbers its frames, rising from 1. What is no longer needed is freed in update(), as soon as the host
  * says that the last frame that used it has completed. update() and draw() of one frame go to one submission.
  *
@@ -146,10 +149,12 @@ typedef struct ChiaroVulkanUpdate {
     uint32_t reserved;
     VkCommandBuffer command_buffer; /**< Recording, outside a render pass. */
     uint64_t frame;                 /**< The frame that is recorded; never falls. */
-    uint64_t completed_frame;       /**< The last frame that the device has finished; 0: none yet. */
+    uint64_t completed_frame;       /**< The last frame that the device has finished; 0: none yet. With several in flight: the
+                                     * last whose fence has signalled, not `frame` - 1. */
 
     /* Since version 3. */
-    ChiaroBudget budget;            /**< For the world of objects (chiaro_world_run); zero: ChiaroVulkanObjects.cubes cubes. */
+    ChiaroBudget budget;            /**< For the world of objects (chiaro_world_run), and for sending its cubes and grids; zero:
+                                     * ChiaroVulkanObjects.cubes cubes. */
     uint32_t gpu_units;             /**< Limit of the bounce light's compute passes: thousands of multiply-adds, on average.
                                      * Needs `sliced`. 0: a whole pass at once. */
     uint32_t has_eye;               /**< 1: eye and forward are set: what is seen comes first. */
