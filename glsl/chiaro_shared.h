@@ -154,8 +154,8 @@ CHIARO_STRUCT(ChiaroComputePush)
 {
     CHIARO_UVEC4(range); /* first thing to do and the end of all, first value of the half that is read, and of that written;
                             blending: steps that are left, this one included */
-    CHIARO_UVEC4(more);  /* lighting: ideas that are out. Bouncing: number of samples. Receiving: first row, 1: irradiance is
-                            one that comes; unused */
+    CHIARO_UVEC4(more);  /* lighting: ideas that are out. Bouncing: number of samples. Receiving: first row, 1: irradiance
+                            is one that comes; unused */
 };
 
 /* What the passes need of a sample. */

@@ -68,8 +68,8 @@ static bool load_level(Game *game, const void *data, size_t size)
            game->api->scene_load(game->chiaro, &load) == CHIARO_OK;
 }
 
-/* CHIARO: frame time, outside a render pass. This host waits for every frame before it begins the next one; one with several
- * in flight names the last whose fence has signalled. */
+/* CHIARO: frame time, outside a render pass. This host waits for every frame before it begins the next one; one with
+ * several in flight names the last whose fence has signalled. */
 static bool update_light(Game *game)
 {
     ChiaroVulkanUpdate update = {.struct_size = sizeof update,

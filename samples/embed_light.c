@@ -90,7 +90,7 @@ static bool load_level(Game *game)
     return game->api->scene_load(game->chiaro, &load) == CHIARO_OK;
 }
 
-/* Frame time: after the host's shadow map, before its forward pass. The frame before has completed: this host waits for it. */
+/* Frame time: after the host's shadow map, before its forward pass. The frame before has completed: the host waited. */
 static bool update_light(Game *game)
 {
     ChiaroVulkanUpdate update = {.struct_size = sizeof update,

@@ -275,7 +275,8 @@ static void pieces_end_in_the_same_picture(Play *play, const float transform[16]
             assert_true(memcmp(before, settled(play), sizeof before) == 0 || !back);
         }
     }
-    printf("  %llu bytes in a frame at most, in pieces %llu\n", (unsigned long long)most[0], (unsigned long long)most[1]);
+    printf("  %llu bytes in a frame at most, in pieces %llu\n", (unsigned long long)most[0],
+           (unsigned long long)most[1]);
     assert_true(most[1] < most[0]);
 }
 

@@ -1,5 +1,5 @@
-/* Ideas about samples, taken out and put back: light of what glows, and the tenth number that keeps a lamp that comes close
- * from glaring. */
+/* Ideas about samples, taken out and put back: light of what glows, and the tenth number that keeps a lamp that comes
+ * close from glaring. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

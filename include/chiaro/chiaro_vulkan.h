@@ -30,8 +30,8 @@
  * redraws the shadow maps that a moved object is in, and hands the light of the static scene back to the world as soon as
  * the device has finished it. It never waits.
  *
- * Features come and go with the scene, see describe(). What is only for a feature goes with its last user: memory at once,
- * pipelines CHIARO_PIPELINE_FRAMES later.
+ * Features come and go with the scene, see describe(). What is only for a feature goes with its last user: memory at
+ * once, pipelines CHIARO_PIPELINE_FRAMES later.
  *
  * Frames: the host numbers its frames, rising from 1. What is no longer needed is freed in update(), as soon as the host
  * says that the last frame that used it has completed. update() and draw() of one frame go to one submission.
@@ -58,7 +58,7 @@ extern "C" {
 #define CHIARO_VULKAN_SYMBOL "chiaro_vulkan_get_api"
 
 #define CHIARO_MAX_LIGHTS 64u /**< Lights of non-zero intensity at a time. */
-#define CHIARO_PIPELINE_FRAMES 64u /**< So long a pipeline stays when nothing asks for it any more: a lamp may flicker. */
+#define CHIARO_PIPELINE_FRAMES 64u /**< So long a pipeline stays when nothing asks for it: a lamp may flicker. */
 #define CHIARO_REASON_SIZE 64u
 
 /** A context: one scene on one device. */
@@ -118,7 +118,7 @@ typedef enum ChiaroVulkanWithout {
     CHIARO_WITHOUT_SHADOWS = 1024,     /**< Lights shine through everything. */
     CHIARO_WITHOUT_SKY_SUN = 2048,     /**< The sun of the sky is out. */
     CHIARO_WITHOUT_EMITTERS = 4096,    /**< Surfaces that glow are seen, but light nothing. */
-    CHIARO_WITHOUT_PULL_BACK = 8192,   /**< Samples are lit as points on their surface: a lamp that comes close glares. */
+    CHIARO_WITHOUT_PULL_BACK = 8192,   /**< Samples are lit as points on their surface: a lamp close by glares. */
     CHIARO_WITHOUT_ALL = 16383
 } ChiaroVulkanWithout;
 
@@ -149,20 +149,21 @@ typedef struct ChiaroVulkanUpdate {
     uint32_t reserved;
     VkCommandBuffer command_buffer; /**< Recording, outside a render pass. */
     uint64_t frame;                 /**< The frame that is recorded; never falls. */
-    uint64_t completed_frame;       /**< The last frame that the device has finished; 0: none yet. With several in flight: the
-                                     * last whose fence has signalled, not `frame` - 1. */
+    uint64_t completed_frame;       /**< The last frame that the device has finished; 0: none yet. With several in
+                                     * flight: the last whose fence has signalled, not `frame` - 1. */
 
     /* Since version 3. */
-    ChiaroBudget budget;            /**< For the world of objects (chiaro_world_run), and for sending its cubes and grids; zero:
-                                     * ChiaroVulkanObjects.cubes cubes. */
+    ChiaroBudget budget;            /**< For the world of objects (chiaro_world_run), and for sending its cubes and
+                                     * grids; zero: ChiaroVulkanObjects.cubes cubes. */
     uint32_t gpu_units;             /**< Limit of the bounce light's compute passes: thousands of multiply-adds, on average.
                                      * Needs `sliced`. 0: a whole pass at once. */
     uint32_t has_eye;               /**< 1: eye and forward are set: what is seen comes first. */
     float eye[3], forward[3];       /**< In the world; forward unit. */
     VkDescriptorSet shadow_set;     /**< Set 2 of sample_code. Must stay as it is while the command buffer runs. */
-    uint32_t shadow_views;          /**< Views of shadow maps that are drawn anew because objects moved in them, at most: of n
-                                     * that wait, none does so for longer than ceil(n / shadow_views) frames. A point light
-                                     * has six views. 0: all. What a light needs that moves itself is not limited. */
+    uint32_t shadow_views;          /**< Views of shadow maps that are drawn anew because objects moved in them, at
+                                     * most: of n that wait, none does so for longer than ceil(n / shadow_views)
+                                     * frames. A point light has six views. 0: all. What a light needs that moves
+                                     * itself is not limited. */
     uint32_t reserved1;
 } ChiaroVulkanUpdate;
 

@@ -7,8 +7,8 @@
 enum { LANES = CHIARO_LANES / 2 };
 typedef float Lanes __attribute__((vector_size(LANES * sizeof(float))));
 
-/* Clang 14 does not export the dispatcher that target_clones makes, and ThreadSanitizer is not there yet when it runs; the
- * baseline has to do. */
+/* Clang 14 does not export the dispatcher that target_clones makes, and ThreadSanitizer is not there yet when it runs;
+ * the baseline has to do. */
 #if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
 #define WIDE __attribute__((target_clones("avx2", "default")))
 #else

@@ -1,5 +1,5 @@
-/* What the renderer asks of a world beyond the public header: to be told of cubes while it runs, so that sending them is
- * within what painting them may cost, and to leave the grids alone while they are sent piece by piece.
+/* What the renderer asks of a world beyond the public header: to be told of cubes while it runs, so that sending them
+ * is within what painting them may cost, and to leave the grids alone while they are sent piece by piece.
  */
 #ifndef CHIARO_WORLD_DEVICE_H
 #define CHIARO_WORLD_DEVICE_H

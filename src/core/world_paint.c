@@ -425,12 +425,13 @@ static void sum_near(Canvas *canvas, uint32_t first)
     const Pose *pose = &canvas->body->pose;
     uint32_t edge = world->desc.edge, row = edge == 4 ? 0 : edge == 6 ? 96 : 96 + 216;
     const float *hull = canvas->body->object.hull;
+    row += canvas->part * CHIARO_HULL_TEXELS;
     for (uint32_t t = first; has_near(canvas) && t < first + TEXELS_A_STEP && t < world->texel_count; t++) {
         Vec3 normal = vec3_load(world->kernel->centre[t]);
         float local[3], place[4] = {0};
         vec3_store(local, pose_turn_back(pose, normal));
         if (hull)
-            chiaro_cube_look_up(world->kernel, hull + 4 * ((size_t)canvas->part * CHIARO_HULL_TEXELS + row), local, place);
+            chiaro_cube_look_up(world->kernel, hull + 4 * (size_t)row, local, place);
         Vec3 skin = vec3_scale(pose_turn(pose, vec3_load(place)), pose->scale);
         chiaro_near_sum(&canvas->near_things, vec3_add(canvas->center, skin), normal, canvas->near_light + 4 * t);
     }

@@ -487,7 +487,8 @@ static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features,
                 "passes may be cut", context->desc.sliced ? scene->coming.size : 0);
     add_feature(&list, "sample lighting", no_gi ? no_gi : lit ? NULL : "no lights", "lights reach samples", 0);
     const char *no_emitters = scene->emitters == 0 ? "nothing emits" : "turned off";
-    add_feature(&list, "emitters", no_gi ? no_gi : chiaro_vulkan_emitters(context) ? NULL : no_emitters, "samples emit", 0);
+    bool emitters = chiaro_vulkan_emitters(context);
+    add_feature(&list, "emitters", no_gi ? no_gi : emitters ? NULL : no_emitters, "samples emit", 0);
     bool sky_leaves = context->sky.set && scene->transport.sky_count > 0;
     add_feature(&list, "sky light", no_gi ? no_gi : !context->sky.set ? "no sky" : sky_leaves ? NULL : "sky is not seen",
                 "sky leaves of the tree", 0);

@@ -141,8 +141,8 @@ typedef struct Pipeline {
     uint64_t idle_since; /* frame; while it is not wanted */
 } Pipeline;
 
-/* All of them, by number: those of the forward pass, of what stays and of objects, by lighting and surface; the sky's; by
- * pass; by shadow. */
+/* All of them, by number: those of the forward pass, of what stays and of objects, by lighting and surface; the sky's;
+ * by pass; by shadow. */
 enum { PIPELINE_OBJECTS = FORWARD_KINDS * SURFACE_KINDS, PIPELINE_SKY = 2 * PIPELINE_OBJECTS, PIPELINE_GI,
        PIPELINE_SHADOW = PIPELINE_GI + GI_PASSES, PIPELINES = PIPELINE_SHADOW + SHADOW_KINDS };
 
@@ -289,7 +289,7 @@ ChiaroResult chiaro_sky_take(ChiaroVulkan *context, const ChiaroSky *sky);
 ChiaroResult chiaro_sky_prepare(ChiaroVulkan *context);
 void chiaro_sky_release(ChiaroVulkan *context);
 
-/* ---- grids.c ------------------------------------------------------------------------------------------------------ */
+/* ---- grids.c ----------------------------------------------------------------------------------------------------- */
 
 /* Words that go to the device in a piece, and room to make them: of cells, and of entries with the last cell's. */
 enum { GRID_PIECE = 2048, GRID_SCRATCH = 2 * GRID_PIECE + 2 * CHIARO_MAX_CELL_BLOCKERS };

@@ -20,7 +20,7 @@ _Static_assert(sizeof(ChiaroWorldBlocker) == 4 * CHIARO_BLOCKER_WORDS &&
                    offsetof(ChiaroWorldBlocker, object) == 4 * CHIARO_BLOCKER_OBJECT,
                "words of a blocker");
 
-/* The part of a budget that is theirs, and what a piece costs where the budget is units: by measurement, as all units. */
+/* The part of a budget that is theirs, and what a piece costs where the budget is units: by measurement, as all are. */
 enum { BUDGET_PART = 4, PIECE_UNITS = 4 };
 
 enum { GRID_DONE, GRID_NEAR, GRID_FAR_CELLS, GRID_FAR_ENTRIES, GRID_BLOCKERS, GRID_HEAD, GRID_STAGES };
@@ -73,7 +73,7 @@ static void begin(ObjectsState *state, const ChiaroWorldBlockers *b)
     grids->head[0].first[1] = first_word(state) + b->near.cell_count;
 }
 
-/* The entries of a cell of the near grid: plain balls are there themselves (ChiaroGpuGrid). Returns the number of words. */
+/* The entries of a cell of the near grid: plain balls are there themselves (ChiaroGpuGrid). Returns how many words. */
 static uint32_t pack_cell(const ObjectsState *state, const ChiaroWorldBlockers *b, uint32_t number, uint32_t *words)
 {
     const ChiaroBlockerCells *near = &b->near;

@@ -539,8 +539,8 @@ static void take_painted(uint32_t slot, void *user)
     frame->context->objects.painted_count++;
 }
 
-/* The share of the world's work: by the host's budget, or so many cubes. What is known to come after is not the world's to
- * spend. */
+/* The share of the world's work: by the host's budget, or so many cubes. What is known to come after is not the world's
+ * to spend. */
 static void run_world(ChiaroVulkan *context, const ChiaroVulkanUpdate *info)
 {
     ObjectsState *state = &context->objects;

@@ -1,6 +1,6 @@
 /* Shaders, layouts and pipelines. Each pipeline is made when the state of the context first asks for it: a scene without
- * textures, lights, masks or sky never has a pipeline, a binding or a line of shader for them. When nothing asks for it any
- * more it goes, but not at once: making one takes longer than a frame, and a lamp may flicker.
+ * textures, lights, masks or sky never has a pipeline, a binding or a line of shader for them. When nothing asks for it
+ * any more it goes, but not at once: making one takes longer than a frame, and a lamp may flicker.
  *
  * Descriptor sets of the forward pass: 0 lights and shadow maps, 2 textures, 3 objects; empty where left out.
  */
@@ -498,7 +498,7 @@ static void create_gi(ChiaroVulkan *context, Pipeline *made, uint32_t pass)
     context->vk.DestroyShaderModule(context->desc.device, module, context->desc.allocation_callbacks);
 }
 
-/* ---- which of them there are -------------------------------------------------------------------------------------- */
+/* ---- which of them there are ------------------------------------------------------------------------------------- */
 
 static void retire(ChiaroVulkan *context, Pipeline *pipeline)
 {

@@ -19,8 +19,8 @@
 #include "clock.h"
 
 enum { SCREEN_WIDTH = 1200, SCREEN_HEIGHT = 900 };
-/* How long a test waits for anything, in seconds, and for how long a window at rest does not change, in milliseconds. Under
- * sanitizers frames take their time. */
+/* How long a test waits for anything, in seconds, and for how long a window at rest does not change, in milliseconds.
+ * Under sanitizers frames take their time. */
 #ifdef NDEBUG
 enum { SCREEN_PATIENCE = 60, SCREEN_REST = 400 };
 #else
