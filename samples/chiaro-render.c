@@ -96,7 +96,8 @@ static void choose_settings(Job *job)
     const char *fault;
     const ChiaroBakeDesc *bake = &job->load.bake;
     if (bake->links || bake->samples || bake->rays || bake->receivers)
-        options_fail(&job->options, CHIARO_EXIT_USAGE, "--budget-ms chooses --links, --samples, --rays and --receivers itself");
+        options_fail(&job->options, CHIARO_EXIT_USAGE,
+                     "--budget-ms chooses --links, --samples, --rays and --receivers itself");
     const ReportPlace place = {job->options.input, job->options.width, job->options.height};
     if (!report_read_choice(job->report, &place, (double)job->budget_ms, &choice, &fault))
         options_fail(&job->options, CHIARO_EXIT_INPUT, "%s: %s", job->report, fault);

@@ -81,7 +81,7 @@ typedef struct ReportScene {
     ReportPoint objects[REPORT_POINTS]; /* settings for objects, and last of them what costs nothing */
     ReportPoint motion[REPORT_SPEEDS * REPORT_BUDGETS];
     double motion_noise;                   /* of its truth */
-    ReportSeries budgets[REPORT_SPEEDS];   /* error against what an update takes, for each speed */
+    ReportSeries budgets[REPORT_SPEEDS];   /* error against the part of all work that a frame may do, for each speed */
     ReportSeries frames[REPORT_BUDGETS];   /* error frame by frame, at the greatest speed */
 } ReportScene;
 

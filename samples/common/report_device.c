@@ -105,19 +105,25 @@ ChiaroVulkanObjectStats report_object_stats(const ReportDevice *device, const Re
     return stats;
 }
 
+static void record_update(ReportDevice *device, ReportContext *context, const ReportBudget *budget)
+{
+    Host *host = &device->host;
+    ChiaroVulkanUpdate update = {.struct_size = sizeof update, .command_buffer = host->commands, .frame = host->frame,
+                                 .completed_frame = host->frame - 1};
+    if (budget)
+        update.gpu_units = budget->gpu_units, update.budget.units = budget->units;
+    report_must(device, device->api->update(context->chiaro, &update));
+}
+
 ReportFrame report_frame(ReportDevice *device, ReportContext *context, const ReportBudget *budget, bool read)
 {
     Host *host = &device->host;
     ReportFrame frame;
     double begin = report_now();
     begin_frame(device, context);
-    ChiaroVulkanUpdate update = {.struct_size = sizeof update, .command_buffer = host->commands, .frame = host->frame,
-                                 .completed_frame = host->frame - 1};
-    if (budget)
-        update.gpu_units = budget->gpu_units, update.budget.units = budget->units;
     host_timestamp(host, 0);
     double record = report_now();
-    report_must(device, device->api->update(context->chiaro, &update));
+    record_update(device, context, budget);
     frame.record = 1e3 * (report_now() - record);
     host_timestamp(host, 1);
     host_begin_pass(host);
@@ -137,7 +143,9 @@ void report_settle(ReportDevice *device, ReportContext *context)
     const ReportBudget enough = {.units = UINT32_MAX}; /* for a round a frame */
     uint32_t still = 0;
     for (uint32_t frame = 0; frame < MOST_SETTLE_FRAMES && still < SETTLED_FRAMES; frame++) {
-        report_frame(device, context, &enough, false);
+        begin_frame(device, context);
+        record_update(device, context, &enough);
+        report_must_host(device, host_submit(&device->host));
         ChiaroVulkanObjectStats stats = report_object_stats(device, context);
         still = stats.shown == 0 ? SETTLED_FRAMES : stats.cubes + stats.fading > 0 ? 0 : still + 1;
     }

@@ -46,7 +46,7 @@ typedef struct ReportBudget {
     uint32_t gpu_units, units; /* of ChiaroVulkanUpdate, and of its budget */
 } ReportBudget;
 ReportFrame report_frame(ReportDevice *device, ReportContext *context, const ReportBudget *budget, bool read);
-/* Frames until objects do not change any more, and at least one; the last is read. */
+/* Updates until objects do not change any more, and at least one; then a frame, which is read. */
 void report_settle(ReportDevice *device, ReportContext *context);
 /* What the last frame that was read shows: the host's pixels, until the next one. */
 ChiaroIoImage report_pixels(const ReportDevice *device);

@@ -145,7 +145,8 @@ static void put_dot(Plot *plot, double x, double y, const char *color, bool larg
         own[0] = begin, own[1] = end, own[2] = base;
     }
     if (fabs(base - py) > 16)
-        fprintf(plot->file, "<path d=\"M%.1f %.1fL%.1f %.1f\" stroke=\"#bbb\"/>", px, py, left ? px - 7 : px + 7, base - 4);
+        fprintf(plot->file, "<path d=\"M%.1f %.1fL%.1f %.1f\" stroke=\"#bbb\"/>", px, py, left ? px - 7 : px + 7,
+                base - 4);
     fprintf(plot->file, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%d\" fill=\"%s\"><title>", px, py, large ? 7 : 4, color);
     put_text(plot->file, label);
     fprintf(plot->file, "</title></circle><text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">", left ? px - 8 : px + 8, base,
@@ -270,7 +271,8 @@ static void plot_causes(FILE *file, const ReportScene *scene)
                 k + 1 == scene->cause_count ? "#d97706" : "#7aa6d8");
         fprintf(file, "<text x=\"%.1f\" y=\"%d\">%.4f</text>", left + bar + 5, y + 15, scene->causes[k].relrmse);
     }
-    fputs("</svg><figcaption>relRMSE of indirect. Independent causes add up by their squares.</figcaption></figure>\n", file);
+    fputs("</svg><figcaption>relRMSE of indirect. Independent causes add up by their squares.</figcaption></figure>\n",
+          file);
 }
 
 /* ---- pictures ----------------------------------------------------------------------------------------------------- */
@@ -438,7 +440,7 @@ static void put_verdict(FILE *file, const ReportScene *scene)
     }
     for (uint32_t i = 0; literal && i < scene->point_count; i++) {
         const ReportPoint *p = &scene->points[i];
-        if (!p->baseline && p->links && p->indirect.relrmse <= literal->indirect.relrmse &&
+        if (!p->baseline && time_of(scene, p, false) > 0 && p->indirect.relrmse <= literal->indirect.relrmse &&
             (!cheapest || time_of(scene, p, false) < time_of(scene, cheapest, false)))
             cheapest = p;
     }

@@ -21,7 +21,7 @@ enum { CIRCLE_POINTS = 16, FRAMES_A_SECOND = 60 };
 
 /* Places a frame. */
 static const uint32_t speeds[REPORT_SPEEDS] = {1, 4};
-/* Parts of all work that a frame may do; 0: what the defaults do. */
+/* Parts of all work that a frame may do; 0: what the defaults do, which is all of it where there are few objects. */
 static const uint32_t parts[REPORT_BUDGETS] = {0, 2, 4, 8, 16};
 
 typedef struct Lane {
@@ -171,7 +171,7 @@ static void add_points(Bench *bench, uint32_t speed, Tally *tallies)
     snprintf(series->title, sizeof series->title, "Lights and objects that move, under a budget");
     snprintf(series->name, sizeof series->name, "at %.2g m/s",
              (double)((float)speeds[speed] * STEP * bench->size * FRAMES_A_SECOND));
-    snprintf(series->x_label, sizeof series->x_label, "update, on the CPU and on the device, ms (median)");
+    snprintf(series->x_label, sizeof series->x_label, "part of all work that a frame may do");
     snprintf(series->y_label, sizeof series->y_label, "relRMSE of indirect against the truth of each frame");
     for (uint32_t k = 0; k < REPORT_BUDGETS; k++) {
         Tally *tally = &tallies[k];
@@ -189,7 +189,7 @@ static void add_points(Bench *bench, uint32_t speed, Tally *tallies)
         point->indirect.relrmse = sqrt(tally->wrong / tally->count);
         point->changed = sqrt(tally->late / tally->count), point->rest = sqrt(tally->rest / tally->count);
         point->age = tally->age / tally->count;
-        series->x[series->count] = fmax(point->update.median, 0) + point->cpu_ms[0];
+        series->x[series->count] = parts[k] ? 1.0 / parts[k] : 1;
         series->y[series->count++] = point->indirect.relrmse;
     }
 }
@@ -233,8 +233,8 @@ static void name_frames(ReportScene *scene)
     }
 }
 
-void report_motion(Report *report, ReportScene *scene, ReportDevice *device, const ChiaroTransport *t, const ChiaroRays *rays,
-                   float size)
+void report_motion(Report *report, ReportScene *scene, ReportDevice *device, const ChiaroTransport *t,
+                   const ChiaroRays *rays, float size)
 {
     const SceneOptions *options = &report->options;
     uint32_t width = options->width / 2 > LEAST_EDGE ? options->width / 2 : LEAST_EDGE;

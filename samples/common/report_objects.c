@@ -1,6 +1,7 @@
-/* Objects, as a part of a report: their cubes, neighbours, elements, and what each idea does for them. All settings are drawn by
- * turns and see the same motion, frame by frame; at some moments their pictures are held against the truth of that very
- * moment, so cubes that are late are wrong here. Then everything rests, and what is still wrong is not for being late. */
+/* Objects, as a part of a report: their cubes, neighbours, elements, and what each idea does for them. All settings are
+ * drawn by turns and see the same motion, frame by frame; at some moments their pictures are held against the truth of that
+ * very moment, so cubes that are late are wrong here. Then everything rests, and what is still wrong is not for being late.
+ */
 #include "report_objects.h"
 
 #include <math.h>

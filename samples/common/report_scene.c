@@ -317,7 +317,8 @@ static void split_causes(Bench *bench, float *const *irradiance)
     /* The truth at the receivers is a little noisy: taken off, for it is known. */
     add_cause(scene, "sampling of the bake (K = 128 against that truth)",
               sqrt(fmax(0, step * step - grain)));
-    add_cause(scene, "compression of the links (default against K = 128)", report_differ(report, &fitted, &linked, NULL).relrmse);
+    add_cause(scene, "compression of the links (default against K = 128)",
+              report_differ(report, &fitted, &linked, NULL).relrmse);
     ChiaroIoImage device = show(bench, &bench->lanes[0], scene->lights, CHIARO_COMPONENT_INDIRECT);
     add_cause(scene, "device against core: shadow maps, storage", report_differ(report, &device, &fitted, NULL).relrmse);
     add_cause(scene, "all of it, lights at rest",

@@ -1,4 +1,4 @@
-/* The long jobs of a report: each tells how far it is, can be interrupted, and ends the program with one line if it fails. */
+/* The long jobs of a report: each tells how far it is, can be interrupted, and ends the program with a line if it fails. */
 #include "report.h"
 
 #include <math.h>

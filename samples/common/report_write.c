@@ -125,7 +125,10 @@ static void columns_of(const Report *report, const ReportPoint *p, double noise,
 }
 
 /* Settings of the static scene, then those of objects, then motion. */
-static uint32_t points_of(const ReportScene *scene) { return scene->point_count + scene->object_count + scene->motion_count; }
+static uint32_t points_of(const ReportScene *scene)
+{
+    return scene->point_count + scene->object_count + scene->motion_count;
+}
 
 static const ReportPoint *point_of(const ReportScene *scene, uint32_t i)
 {
@@ -337,7 +340,8 @@ static bool read_point(const Line *line, ReportPoint *point)
            isfinite(point->frame.median) && point->indirect.relrmse >= 0;
 }
 
-bool report_read_choice(const char *path, const ReportPlace *place, double budget_ms, ReportPoint *choice, const char **fault)
+bool report_read_choice(const char *path, const ReportPlace *place, double budget_ms, ReportPoint *choice,
+                        const char **fault)
 {
     char buffer[LINE];
     Line line;
