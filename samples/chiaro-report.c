@@ -8,7 +8,7 @@ static const char help[] =
     "Usage: chiaro-report SCENE.(gltf|glb)... -o FOLDER [options]\n"
     "Bakes, renders and traces scenes with many settings in one run, and writes FOLDER/index.html, report.csv and\n"
     "report.json: error against frame time, error by cause, lights and objects that move under a budget, baselines, how\n"
-    "cost grows. The files are written anew after each scene: if it is interrupted, what was finished is there.\n"
+    "cost grows. The files are written anew after each part: if it is interrupted, what was finished is there.\n"
     "  --quick         small bakes, few paths: minutes instead of hours\n"
     "  --no-scaling    leaves out how cost grows\n"
     "  --device N|NAME which Vulkan device\n"
@@ -92,8 +92,8 @@ int main(int argc, char **argv)
     for (report.scene_count = 0; report.scene_count < scene_count;) {
         ReportScene *scene = &report.scenes[report.scene_count];
         report.options.input = scene->input;
-        report_scene(&report, scene);
         report.scene_count++;
+        report_scene(&report, scene);
         report_write(&report);
     }
     if (report.scaling) {

@@ -8,7 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOMENTS = 3, FRAMES_TO_MOMENT = 12, FRAMES = MOMENTS * FRAMES_TO_MOMENT, FRAMES_A_TURN = 40 };
+enum { MOMENTS = 3, FRAMES_TO_MOMENT = 12, QUICK_FRAMES_TO_MOMENT = 6, MOST_FRAMES = MOMENTS * FRAMES_TO_MOMENT,
+       FRAMES_A_TURN = 40, MOST_OBJECTS = 300 /* of all lanes that are open: each has rays of its own */ };
 
 typedef struct ObjectSetting {
     const char *name;
@@ -47,16 +48,18 @@ enum { SETTINGS = sizeof settings / sizeof *settings };
 
 /* A setting in a context and a world of its own. */
 typedef struct Lane {
+    const ObjectSetting *setting;
     Moving moving;
     ReportContext context;
     ReportPoint *point;
     Metrics whole, objects; /* of all moments so far; pixels: their number */
-    double frame_ms[FRAMES], record_ms[FRAMES];
+    double frame_ms[MOST_FRAMES], record_ms[MOST_FRAMES];
 } Lane;
 
 /* What a moment is held against. */
 typedef struct Moment {
     ChiaroIoImage truth, mask;
+    ChiaroIoImage rested; /* the default's, once nothing moves */
     MergedScene merged;
 } Moment;
 
@@ -65,8 +68,10 @@ typedef struct Bench {
     ReportScene *scene;
     ReportDevice *device;
     float radius; /* of the motion */
+    uint32_t interval; /* from moment to moment, frames */
     Moment moments[MOMENTS];
-    Lane *lanes;
+    Lane lanes[SETTINGS]; /* those that are open now */
+    uint32_t lane_count;
 } Bench;
 
 /* ---- motion ------------------------------------------------------------------------------------------------------- */
@@ -128,9 +133,10 @@ static void make_moment(const Bench *bench, const Moving *moving, uint32_t numbe
     size_t pixels = (size_t)report->options.width * report->options.height;
     snprintf(name, sizeof name, "objects: truth of moment %u of %d", number + 1, MOMENTS);
     const ReportView view = {name, report->options.width, report->options.height, report->quick ? 256 : 1024};
-    report_merge(report, bench->scene, moving, bench->radius, turn_of((number + 1) * FRAMES_TO_MOMENT), &moment->merged);
+    report_merge(report, bench->scene, moving, bench->radius, turn_of((number + 1) * bench->interval), &moment->merged);
     report_trace(report, bench->scene, &moment->merged.scene, bench->scene->lights, &view, &images);
     moment->truth = (ChiaroIoImage){view.width, view.height, 4, report_alloc(report, 4 * pixels, sizeof(float))};
+    moment->rested = (ChiaroIoImage){view.width, view.height, 4, report_alloc(report, 4 * pixels, sizeof(float))};
     moment->mask = (ChiaroIoImage){view.width, view.height, 3, report_alloc(report, 3 * pixels, sizeof(float))};
     memcpy(moment->truth.pixels, images.pixels[CHIARO_COMPONENT_INDIRECT], 4 * pixels * sizeof(float));
     for (size_t i = 0; i < pixels; i++)
@@ -171,7 +177,7 @@ static void open_lane(const Bench *bench, const ChiaroTransport *t, const Object
 {
     const Report *report = bench->report;
     ReportDevice *device = bench->device;
-    lane->point = add_point(bench->scene, setting->name);
+    *lane = (Lane){.setting = setting, .point = add_point(bench->scene, setting->name)};
     lane->point->asked_cubes = setting->desc.cubes, lane->point->asked_edge = setting->desc.edge;
     lane->point->asked_format = setting->desc.format;
     lane->context = report_load(device, t, setting->gi_off, false);
@@ -185,19 +191,18 @@ static void open_lane(const Bench *bench, const ChiaroTransport *t, const Object
 
 static void close_lane(const Bench *bench, Lane *lane)
 {
-    lane->point->frame = report_summarize(lane->frame_ms, FRAMES);
-    lane->point->update = report_summarize(lane->record_ms, FRAMES);
+    lane->point->frame = report_summarize(lane->frame_ms, MOMENTS * bench->interval);
+    lane->point->update = report_summarize(lane->record_ms, MOMENTS * bench->interval);
     lane->point->bytes = (double)report_object_stats(bench->device, &lane->context).bytes;
     report_unload(bench->device, &lane->context);
     moving_close(&lane->moving);
 }
 
-static void run_frame(const Bench *bench, uint32_t frame, uint32_t number)
+static void run_frame(Bench *bench, uint32_t frame, Lane *lane)
 {
     Report *report = bench->report;
-    Lane *lane = &bench->lanes[number];
-    const ObjectSetting *setting = &settings[number];
-    bool shown = (frame + 1) % FRAMES_TO_MOMENT == 0;
+    const ObjectSetting *setting = lane->setting;
+    bool shown = (frame + 1) % bench->interval == 0;
     moving_pose(&report->options, &lane->moving, (double)report->options.time, bench->radius, turn_of(frame + 1));
     report_set(bench->device, &lane->context, shown ? CHIARO_COMPONENT_INDIRECT : CHIARO_COMPONENT_FULL, setting->gi_off,
                setting->without);
@@ -205,10 +210,10 @@ static void run_frame(const Bench *bench, uint32_t frame, uint32_t number)
     lane->frame_ms[frame] = took.all, lane->record_ms[frame] = took.record;
     if (!shown)
         return;
-    const Moment *moment = &bench->moments[frame / FRAMES_TO_MOMENT];
+    const Moment *moment = &bench->moments[frame / bench->interval];
     ChiaroIoImage picture = report_pixels(bench->device);
     compare(bench, moment, &picture, &lane->whole, &lane->objects);
-    if (frame / FRAMES_TO_MOMENT == 0 && number == 0) {
+    if (frame / bench->interval == 0 && setting == settings) {
         report_add_picture(report, bench->scene, &moment->truth, "objects that move: truth of the moment, indirect");
         report_add_picture(report, bench->scene, &picture, "objects that move: default, indirect");
         report_add_error_picture(report, bench->scene, &picture, &moment->truth, "objects that move: default, error");
@@ -224,35 +229,43 @@ static void keep_errors(Lane *lane)
 }
 
 /* Everything stands still where it was in the moments: what remains wrong, and what the setting changes. */
-static void rest(const Bench *bench, ReportStep *step)
+static void rest(Bench *bench, Lane *lane)
 {
     const SceneOptions *options = &bench->report->options;
-    ChiaroIoImage first = bench->moments[0].truth;
-    size_t floats = 4 * (size_t)first.width * first.height;
-    first.pixels = report_alloc(bench->report, floats, sizeof(float));
-    for (uint32_t k = 0; k < SETTINGS; k++)
-        bench->lanes[k].whole = bench->lanes[k].objects = (Metrics){0};
+    Metrics left = {0}, changed = {0};
     for (uint32_t m = 0; m < MOMENTS; m++) {
-        for (uint32_t k = 0; k < SETTINGS; k++) {
-            Lane *lane = &bench->lanes[k];
-            moving_pose(options, &lane->moving, (double)options->time, bench->radius, turn_of((m + 1) * FRAMES_TO_MOMENT));
-            report_settle(bench->device, &lane->context);
-            ChiaroIoImage picture = report_pixels(bench->device);
-            if (k == 0)
-                memcpy(first.pixels, picture.pixels, floats * sizeof(float));
-            Metrics left = report_differ(bench->report, &picture, &bench->moments[m].truth, &bench->moments[m].mask);
-            Metrics changed = report_differ(bench->report, &picture, &first, NULL);
-            add_error(&left, &lane->objects);
-            add_error(&changed, &lane->whole);
-            report_continue(step, 0.7 + 0.3 * (m * SETTINGS + k) / (MOMENTS * SETTINGS));
-        }
+        Moment *moment = &bench->moments[m];
+        moving_pose(options, &lane->moving, (double)options->time, bench->radius, turn_of((m + 1) * bench->interval));
+        report_settle(bench->device, &lane->context);
+        ChiaroIoImage picture = report_pixels(bench->device);
+        if (lane->setting == settings)
+            memcpy(moment->rested.pixels, picture.pixels, 4 * sizeof(float) * picture.width * picture.height);
+        Metrics own = report_differ(bench->report, &picture, &moment->truth, &moment->mask);
+        Metrics other = report_differ(bench->report, &picture, &moment->rested, NULL);
+        add_error(&own, &left);
+        add_error(&other, &changed);
     }
-    for (uint32_t k = 0; k < SETTINGS; k++) {
-        const Lane *lane = &bench->lanes[k];
-        lane->point->rest = lane->objects.pixels ? lane->objects.relrmse : (double)NAN;
-        lane->point->changed = lane->whole.relrmse;
+    lane->point->rest = left.pixels ? left.relrmse : (double)NAN;
+    lane->point->changed = changed.relrmse;
+}
+
+/* Settings from `first` on are drawn by turns: as many as may be open at a time. */
+static void run_turns(Bench *bench, const ChiaroTransport *t, uint32_t first, uint32_t count, ReportStep *step)
+{
+    bench->lane_count = count < SETTINGS - first ? count : SETTINGS - first;
+    for (uint32_t k = 0; k < bench->lane_count; k++)
+        open_lane(bench, t, &settings[first + k], &bench->lanes[k]);
+    for (uint32_t frame = 0; frame < MOMENTS * bench->interval; frame++) {
+        for (uint32_t k = 0; k < bench->lane_count; k++)
+            run_frame(bench, frame, &bench->lanes[k]);
+        report_continue(step, (double)first / SETTINGS);
     }
-    free(first.pixels);
+    for (uint32_t k = 0; k < bench->lane_count; k++) {
+        keep_errors(&bench->lanes[k]);
+        rest(bench, &bench->lanes[k]);
+        close_lane(bench, &bench->lanes[k]);
+        report_continue(step, (double)(first + k) / SETTINGS);
+    }
 }
 
 /* ---- what costs nothing ------------------------------------------------------------------------------------------- */
@@ -303,38 +316,31 @@ static void run_constant(const Bench *bench)
 
 void report_objects(Report *report, ReportScene *scene, ReportDevice *device, const ChiaroTransport *t, float size)
 {
-    Bench bench = {.report = report, .scene = scene, .device = device};
+    Bench *bench = report_alloc(report, 1, sizeof *bench); /* lanes are large */
     Moving moving;
     const MovingDesc desc = {0};
+    bench->report = report, bench->scene = scene, bench->device = device;
+    bench->interval = report->quick ? QUICK_FRAMES_TO_MOMENT : FRAMES_TO_MOMENT;
     moving_open(&report->options, &scene->read, t, &desc, &moving);
     if (moving.objects.count > 0) {
         ReportStep step;
-        bench.radius = report_object_circle(&moving, size);
+        uint32_t at_once = MOST_OBJECTS / moving.objects.count + 1;
+        bench->radius = report_object_circle(&moving, size);
         for (uint32_t m = 0; m < MOMENTS; m++)
-            make_moment(&bench, &moving, m, &bench.moments[m]);
+            make_moment(bench, &moving, m, &bench->moments[m]);
         report_begin(report, "objects", &step);
-        bench.lanes = report_alloc(report, SETTINGS, sizeof *bench.lanes);
-        for (uint32_t k = 0; k < SETTINGS; k++)
-            open_lane(&bench, t, &settings[k], &bench.lanes[k]), report_continue(&step, 0.3 * k / SETTINGS);
-        for (uint32_t frame = 0; frame < FRAMES; frame++) {
-            for (uint32_t k = 0; k < SETTINGS; k++)
-                run_frame(&bench, frame, k);
-            report_continue(&step, 0.3 + 0.4 * frame / FRAMES);
-        }
-        for (uint32_t k = 0; k < SETTINGS; k++)
-            keep_errors(&bench.lanes[k]);
-        rest(&bench, &step);
-        for (uint32_t k = 0; k < SETTINGS; k++)
-            close_lane(&bench, &bench.lanes[k]);
-        free(bench.lanes);
+        for (uint32_t first = 0; first < SETTINGS; first += at_once)
+            run_turns(bench, t, first, at_once, &step);
         scene->objects[0].chosen = true;
-        run_constant(&bench);
+        run_constant(bench);
         for (uint32_t m = 0; m < MOMENTS; m++) {
-            free(bench.moments[m].truth.pixels);
-            free(bench.moments[m].mask.pixels);
-            objects_free_merged(&bench.moments[m].merged);
+            free(bench->moments[m].truth.pixels);
+            free(bench->moments[m].mask.pixels);
+            free(bench->moments[m].rested.pixels);
+            objects_free_merged(&bench->moments[m].merged);
         }
         report_end(&step);
     }
     moving_close(&moving);
+    free(bench);
 }

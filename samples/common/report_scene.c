@@ -392,9 +392,11 @@ void report_scene(Report *report, ReportScene *scene)
     bench.size = vec3_length(vec3_sub(high, low)) / sqrtf(3);
     run_sweep(&bench);
     report_baselines(report, scene, &bench.lanes[0].transport, rays);
-    report_objects(report, scene, &bench.device, &bench.lanes[0].transport, bench.size);
-    report_motion(report, scene, &bench.device, &bench.lanes[0].transport, rays, bench.size);
     report_find_front(scene);
+    report_write(report);
+    report_objects(report, scene, &bench.device, &bench.lanes[0].transport, bench.size);
+    report_write(report);
+    report_motion(report, scene, &bench.device, &bench.lanes[0].transport, rays, bench.size);
     for (uint32_t l = 0; l < bench.lane_count; l++) {
         report_unload(&bench.device, &bench.lanes[l].context);
         chiaro_blob_free(&bench.lanes[l].blob);
