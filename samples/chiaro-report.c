@@ -63,8 +63,8 @@ static void suggest(const Report *report)
             if (options[k].value > 0)
                 printf(" --%s %u", options[k].name, options[k].value);
         }
-        printf("%s; %.2f ms, relRMSE of indirect %.4f\n", p->links ? "" : " --gi off", p->frame.median,
-               p->indirect.relrmse);
+        printf("%s; %.2f ms, relRMSE of indirect %.4f\n", p->links ? "" : " --gi off",
+               report_frame_ms(scene, p), p->indirect.relrmse);
     }
 }
 

@@ -1,4 +1,5 @@
-/* What a report makes of its figures: the front, the choice for a budget, powers, and files that stand by themselves. */
+/* What a report makes of its figures: the front, the choice for a budget, powers, and files that stand by themselves; and
+ * how objects move in it. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -6,7 +7,8 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "../samples/common/report.h"
+#include "../samples/common/report_objects.h"
+#include "../samples/common/scenes.h"
 #include "common/check.h"
 #include "common/out.h"
 
@@ -162,6 +164,51 @@ static void the_page_needs_nothing_else(void **state)
     free(scene);
 }
 
+/* Two balls and a box in the Cornell box: the balls 10 cm apart, the box 20 cm from a wall. */
+static void the_truth_has_objects_where_the_module_has_them_and_none_meet(void **state)
+{
+    (void)state;
+    Report report = {.options = {.program = "test", .added_count = 3,
+                                 .added = {{"sphere", {2, 1, 1}, 0.6f}, {"sphere", {2.7f, 1, 1}, 0.6f},
+                                           {"box", {4.8f, 3, 3}, 0.8f}}}};
+    const SceneRequest request = {0};
+    const char *fault;
+    TestScene made;
+    ChiaroBlob blob;
+    ChiaroTransport transport;
+    const ChiaroBakeDesc desc = {.struct_size = sizeof desc, .samples = 64, .rays = 16, .receivers = 64};
+    const MovingDesc moving_desc = {0};
+    Moving moving;
+    MergedScene merged;
+    assert_true(scenes_make("cornell", &request, &made, &fault));
+    ReportScene *scene = new_array(1, sizeof *scene);
+    scene->read.scene = made.scene;
+    assert_int_equal(chiaro_bake(&made.scene, &desc, &blob), CHIARO_OK);
+    assert_int_equal(chiaro_transport_open(blob.data, blob.size, &transport, NULL), CHIARO_OK);
+    moving_open(&report.options, &scene->read, &transport, &moving_desc, &moving);
+    float radius = report_object_circle(&moving, 5.5f);
+    assert_true(radius > 0.03f && radius <= 0.05001f);
+    for (float turn = 0; turn < 6; turn += 0.7f) {
+        moving_pose(&report.options, &moving, 0, radius, turn);
+        report_merge(&report, scene, &moving, radius, turn, &merged);
+        const ChiaroVertex *vertex = merged.scene.vertices + made.scene.vertex_count;
+        for (uint32_t i = 0; i < moving.objects.count; i++) {
+            Vec3 sum = vec3(0, 0, 0);
+            uint32_t count = moving.objects.list[i].scene->vertex_count;
+            for (uint32_t v = 0; v < count; v++, vertex++)
+                sum = vec3_mad(sum, vec3_load(vertex->position), 1 / (float)count);
+            assert_below("an object's place", i, (double)vec3_length(vec3_sub(sum, moving.poses[i].center)), 0.01);
+        }
+        Vec3 gap = vec3_sub(moving.poses[0].center, moving.poses[1].center);
+        assert_true(vec3_length(gap) > 0.6f);
+        objects_free_merged(&merged);
+    }
+    moving_close(&moving);
+    chiaro_blob_free(&blob);
+    scenes_free(&made);
+    free(scene);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -170,6 +217,7 @@ int main(void)
         cmocka_unit_test(the_choice_is_read_back_from_the_file),
         cmocka_unit_test(a_choice_is_for_the_scene_and_the_size_that_were_measured),
         cmocka_unit_test(objects_take_their_part_of_a_budget),
+        cmocka_unit_test(the_truth_has_objects_where_the_module_has_them_and_none_meet),
         cmocka_unit_test(the_page_needs_nothing_else),
     };
     return cmocka_run_group_tests(tests, make_folder, NULL);

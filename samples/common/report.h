@@ -163,7 +163,9 @@ void report_scaling(Report *report, const ReportScene *scene);
 /* --- report_write.c --- */
 /* Marks the points of the front: nothing is both faster and more right. */
 void report_find_front(ReportScene *scene);
-/* The point with the least error that fits a budget; NULL: none does. */
+/* Median of a frame with these settings and, if there are any, objects with theirs. */
+double report_frame_ms(const ReportScene *scene, const ReportPoint *point);
+/* The point with the least error whose frame fits a budget; NULL: none does. */
 const ReportPoint *report_suggest(const ReportScene *scene, double budget_ms);
 /* Writes report.csv, report.json and index.html; ends the program with one line if it cannot. */
 void report_write(const Report *report);

@@ -76,8 +76,8 @@ typedef struct Bench {
 
 /* ---- motion ------------------------------------------------------------------------------------------------------- */
 
-/* In the scene's size: a circle is no larger than the first of these, nor, where objects stand close, smaller than the
- * second. */
+/* In the scene's size: a circle is no larger than the first of these, nor, where walls or objects that touch leave no room,
+ * smaller than the second. */
 static const float CIRCLE = 0.08f, LEAST_CIRCLE = 0.01f;
 enum { CIRCLE_POINTS = 16 };
 
@@ -90,11 +90,11 @@ static float gap_radius(const Moving *moving, uint32_t a, uint32_t b)
 
 float report_object_circle(const Moving *moving, float size)
 {
-    float radius = CIRCLE * size, least = LEAST_CIRCLE * size;
+    float radius = CIRCLE * size, least = LEAST_CIRCLE * size, gap = radius;
     for (uint32_t i = 0; i < moving->objects.count; i++) {
         const MovingPose *pose = &moving->poses[i];
         for (uint32_t k = 0; k < i; k++)
-            radius = fminf(radius, gap_radius(moving, i, k));
+            gap = fminf(gap, gap_radius(moving, i, k));
         for (uint32_t k = 0; k < CIRCLE_POINTS && radius > least;) {
             float turn = 2 * CHIARO_PI * (float)k / CIRCLE_POINTS;
             Vec3 way = vec3(cosf(turn), 0, sinf(turn));
@@ -102,7 +102,7 @@ float report_object_circle(const Moving *moving, float size)
             radius = free_way ? radius : 0.8f * radius, k += free_way;
         }
     }
-    return fmaxf(radius, least);
+    return gap > 0 ? fminf(gap, fmaxf(radius, least)) : least;
 }
 
 void report_merge(const Report *report, const ReportScene *scene, const Moving *moving, float radius, float turn,

@@ -35,15 +35,19 @@ void report_find_front(ReportScene *scene)
     }
 }
 
+double report_frame_ms(const ReportScene *scene, const ReportPoint *point)
+{
+    /* What the defaults for objects add to the frame of the default bake, they add to every other. */
+    double more = scene->object_count ? scene->objects[0].frame.median - scene->points[0].frame.median : 0;
+    return point->frame.median + fmax(0, more);
+}
+
 const ReportPoint *report_suggest(const ReportScene *scene, double budget_ms)
 {
     const ReportPoint *best = NULL;
-    /* What the defaults for objects add to the frame of the default bake, they add to every other. */
-    double more = scene->object_count && scene->point_count
-                      ? fmax(0, scene->objects[0].frame.median - scene->points[0].frame.median) : 0;
     for (uint32_t i = 0; i < scene->point_count; i++) {
         const ReportPoint *p = &scene->points[i];
-        if (p->front && p->frame.median + more <= budget_ms && (!best || p->indirect.relrmse < best->indirect.relrmse))
+        if (p->front && report_frame_ms(scene, p) <= budget_ms && (!best || p->indirect.relrmse < best->indirect.relrmse))
             best = p;
     }
     return best;
