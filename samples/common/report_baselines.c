@@ -161,6 +161,9 @@ static void run_probes(Report *report, ReportStep *step, ReportScene *scene, con
     ChiaroReference *reference;
     Grid grid = {.low = vec3_load(t->info.bounds_min)};
     Vec3 size = vec3_sub(vec3_load(t->info.bounds_max), grid.low);
+    /* A scene as flat as a plain has probes above it. */
+    float least = 0.1f * vec3_max(size);
+    size = vec3(fmaxf(size.x, least), fmaxf(size.y, least), fmaxf(size.z, least));
     /* Half a step inside the bounds, where probes are not buried in walls. */
     grid.step = vec3_scale(size, 1.0f / PROBES_ALONG);
     grid.low = vec3_mad(grid.low, grid.step, 0.5f);

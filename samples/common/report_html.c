@@ -426,6 +426,10 @@ static void put_motion_table(FILE *file, const ReportScene *scene)
     fputs("</table>\n", file);
 }
 
+static const double LEAST_ERROR = 1e-4;
+/* A sum of samples that are not there: the article has nothing to say about such a scene. */
+static const double NOTHING_SEEN = 0.99;
+
 /* What the page is for: how much better than what costs nothing, and than the article's own form. */
 static void put_verdict(FILE *file, const ReportScene *scene)
 {
@@ -445,12 +449,14 @@ static void put_verdict(FILE *file, const ReportScene *scene)
             cheapest = p;
     }
     fputs("<ul>", file);
+    /* No error below what floats of a picture tell is claimed. */
+    double least = fmax(chosen->indirect.relrmse, LEAST_ERROR);
     if (free_of_cost)
         fprintf(file, "<li>Default: relRMSE of indirect %.4f (noise of the truth %.4f); the best that costs nothing, "
                       "<i>%s</i>: %.4f, <b>%.1f times</b> as much.</li>", chosen->indirect.relrmse,
                 scene->noise[CHIARO_COMPONENT_INDIRECT], free_of_cost->name, free_of_cost->indirect.relrmse,
-                free_of_cost->indirect.relrmse / chosen->indirect.relrmse);
-    if (literal && cheapest)
+                free_of_cost->indirect.relrmse / least);
+    if (literal && cheapest && literal->indirect.relrmse < NOTHING_SEEN)
         fprintf(file, "<li>The article literally comes to %.4f at best (K = %u, %.2f ms on one core); <i>%s</i> is at least "
                       "as good at %.2f ms: <b>%.1f times</b> cheaper.</li>", literal->indirect.relrmse, literal->links,
                 time_of(scene, literal, false), cheapest->name, time_of(scene, cheapest, false),
