@@ -22,7 +22,8 @@
 #include <stdio.h>
 
 enum { REPORT_TEXT = 96, REPORT_POINTS = 48, REPORT_TASKS = 5, REPORT_SERIES = 16, REPORT_VALUES = 32, REPORT_CAUSES = 8,
-       REPORT_PICTURES = 12, REPORT_PATH = 1024, REPORT_SPEEDS = 2, REPORT_BUDGETS = 5 };
+       REPORT_PICTURES = 12, REPORT_PATH = 1024, REPORT_SPEEDS = 2, REPORT_BUDGETS = 5,
+       REPORT_PASSES = 8 };
 
 typedef struct ReportTiming {
     double median, p95; /* ms; negative: not measured */
@@ -80,7 +81,7 @@ typedef struct ReportScene {
     uint32_t object_count, motion_count;
     ReportPoint objects[REPORT_POINTS]; /* settings for objects, and last of them what costs nothing */
     ReportPoint motion[REPORT_SPEEDS * REPORT_BUDGETS];
-    double motion_noise;                   /* of its truth */
+    double moment_noise, motion_noise;     /* of their truths, at most */
     ReportSeries budgets[REPORT_SPEEDS];   /* error against the part of all work that a frame may do, for each speed */
     ReportSeries frames[REPORT_BUDGETS];   /* error frame by frame, at the greatest speed */
 } ReportScene;
@@ -121,6 +122,7 @@ double report_bake(const Report *report, const ReportScene *scene, const ChiaroB
 typedef struct ReportView {
     const char *name; /* NULL: part of a longer step */
     uint32_t width, height, spp;
+    uint32_t passes; /* of so many paths, at most, until there is little noise */
 } ReportView;
 void report_trace(const Report *report, const ReportScene *scene, const ChiaroScene *what, const ChiaroLight *lights,
                   const ReportView *view, ChiaroReferenceImages *images);

@@ -426,7 +426,13 @@ static void put_motion_table(FILE *file, const ReportScene *scene)
     fputs("</table>\n", file);
 }
 
-static const double LEAST_ERROR = 1e-4;
+/* An error without that of the truth: independent, they add up by their squares. What is less than a quarter of the noise
+ * is not known, nor what is less than rounding. */
+static double without_noise(double relrmse, double noise)
+{
+    return sqrt(fmax(relrmse * relrmse - noise * noise, fmax(noise * noise / 16, 1e-8)));
+}
+
 /* A sum of samples that are not there: the article has nothing to say about such a scene. */
 static const double NOTHING_SEEN = 0.99;
 
@@ -449,13 +455,12 @@ static void put_verdict(FILE *file, const ReportScene *scene)
             cheapest = p;
     }
     fputs("<ul>", file);
-    /* No error below what floats of a picture tell is claimed. */
-    double least = fmax(chosen->indirect.relrmse, LEAST_ERROR);
+    double noise = scene->noise[CHIARO_COMPONENT_INDIRECT];
     if (free_of_cost)
         fprintf(file, "<li>Default: relRMSE of indirect %.4f (noise of the truth %.4f); the best that costs nothing, "
-                      "<i>%s</i>: %.4f, <b>%.1f times</b> as much.</li>", chosen->indirect.relrmse,
-                scene->noise[CHIARO_COMPONENT_INDIRECT], free_of_cost->name, free_of_cost->indirect.relrmse,
-                free_of_cost->indirect.relrmse / least);
+                      "<i>%s</i>: %.4f. Without that noise <b>%.1f times</b> as much.</li>", chosen->indirect.relrmse, noise,
+                free_of_cost->name, free_of_cost->indirect.relrmse,
+                without_noise(free_of_cost->indirect.relrmse, noise) / without_noise(chosen->indirect.relrmse, noise));
     if (literal && cheapest && literal->indirect.relrmse < NOTHING_SEEN)
         fprintf(file, "<li>The article literally comes to %.4f at best (K = %u, %.2f ms on one core); <i>%s</i> is at least "
                       "as good at %.2f ms: <b>%.1f times</b> cheaper.</li>", literal->indirect.relrmse, literal->links,
@@ -463,9 +468,11 @@ static void put_verdict(FILE *file, const ReportScene *scene)
                 time_of(scene, literal, false) / time_of(scene, cheapest, false));
     if (scene->object_count) {
         const ReportPoint *first = &scene->objects[0], *constant = &scene->objects[scene->object_count - 1];
-        fprintf(file, "<li>While objects move: %.4f, and %.4f where an object is seen; the best constant of the moment: "
-                      "<b>%.1f times</b>, and <b>%.1f times</b> as much.</li>", first->indirect.relrmse,
-                first->objects.relrmse, constant->indirect.relrmse / first->indirect.relrmse,
+        noise = scene->moment_noise;
+        fprintf(file, "<li>While objects move: %.4f (noise %.4f), and %.4f where an object is seen; the best constant of the "
+                      "moment: <b>%.1f times</b> as much without that noise, and <b>%.1f times</b>.</li>",
+                first->indirect.relrmse, noise, first->objects.relrmse,
+                without_noise(constant->indirect.relrmse, noise) / without_noise(first->indirect.relrmse, noise),
                 constant->objects.relrmse / first->objects.relrmse);
     }
     fputs("</ul>\n", file);

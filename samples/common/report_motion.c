@@ -89,7 +89,7 @@ static void trace_places(Bench *bench, const Moving *moving)
 {
     const Report *report = bench->report;
     ReportScene *scene = bench->scene;
-    const ReportView view = {NULL, bench->device->host.width, bench->device->host.height, report->quick ? QUICK_SPP : SPP};
+    const ReportView view = {NULL, bench->device->host.width, bench->device->host.height, report->quick ? QUICK_SPP : SPP, 1};
     for (uint32_t place = 0; place < bench->places; place++) {
         ChiaroReferenceImages images;
         MergedScene merged;

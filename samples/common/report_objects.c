@@ -132,7 +132,8 @@ static void make_moment(const Bench *bench, const Moving *moving, uint32_t numbe
     char name[REPORT_TEXT];
     size_t pixels = (size_t)report->options.width * report->options.height;
     snprintf(name, sizeof name, "objects: truth of moment %u of %d", number + 1, MOMENTS);
-    const ReportView view = {name, report->options.width, report->options.height, report->quick ? 256 : 1024};
+    const ReportView view = {name, report->options.width, report->options.height, report->quick ? 256 : 1024,
+                             REPORT_PASSES};
     report_merge(report, bench->scene, moving, bench->radius, turn_of((number + 1) * bench->interval), &moment->merged);
     report_trace(report, bench->scene, &moment->merged.scene, bench->scene->lights, &view, &images);
     moment->truth = (ChiaroIoImage){view.width, view.height, 4, report_alloc(report, 4 * pixels, sizeof(float))};
@@ -141,6 +142,7 @@ static void make_moment(const Bench *bench, const Moving *moving, uint32_t numbe
     memcpy(moment->truth.pixels, images.pixels[CHIARO_COMPONENT_INDIRECT], 4 * pixels * sizeof(float));
     for (size_t i = 0; i < pixels; i++)
         moment->mask.pixels[3 * i] = images.parts[i] != CHIARO_NONE && images.parts[i] >= moment->merged.first_object_part;
+    bench->scene->moment_noise = fmax(bench->scene->moment_noise, images.noise[CHIARO_COMPONENT_INDIRECT]);
     chiaro_reference_free_images(&images);
 }
 

@@ -127,7 +127,8 @@ void report_add_error_picture(const Report *report, ReportScene *scene, const Ch
 static void make_truth(const Report *report, ReportScene *scene)
 {
     ChiaroReferenceImages images;
-    const ReportView view = {"truth", report->options.width, report->options.height, report->quick ? 256 : 1024};
+    const ReportView view = {"truth", report->options.width, report->options.height, report->quick ? 256 : 1024,
+                             REPORT_PASSES};
     report_trace(report, scene, &scene->read.scene, scene->lights, &view, &images);
     for (int c = 0; c < CHIARO_COMPONENT_COUNT; c++) {
         size_t floats = 4 * (size_t)report->options.width * report->options.height;

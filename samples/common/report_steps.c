@@ -7,6 +7,10 @@
 #include <time.h>
 #include <unistd.h>
 
+enum { SEED_STEP = 0x9e3779b9 & 0x7fffffff };
+/* Of the truth's indirect light: more paths do not pay. */
+static const double NOISE = 0.02, QUICK_NOISE = 0.05;
+
 double report_now(void)
 {
     struct timespec time;
@@ -81,6 +85,34 @@ double report_bake(const Report *report, const ReportScene *scene, const ChiaroB
     return report_end(&step);
 }
 
+/* Takes another picture of the same into the mean of those before. */
+static void add_pass(ChiaroReferenceImages *sum, const ChiaroReferenceImages *pass, size_t floats, uint32_t before)
+{
+    for (int c = 0; c < CHIARO_COMPONENT_COUNT; c++) {
+        for (size_t i = 0; i < floats; i++)
+            sum->pixels[c][i] += (pass->pixels[c][i] - sum->pixels[c][i]) / (float)(before + 1);
+        /* They are independent: their noise adds up by its squares. */
+        double all = pow(sum->noise[c] * before, 2) + pow(pass->noise[c], 2);
+        sum->noise[c] = sqrt(all) / (before + 1);
+    }
+}
+
+/* Where little light finds its way, so many paths are not enough: the same again, with other seeds, until the noise is
+ * small, or patience ends. */
+static void trace_passes(const Report *report, const ReportScene *scene, const ChiaroReference *reference,
+                         ChiaroReferenceDesc *desc, uint32_t passes, ChiaroReferenceImages *images)
+{
+    const double wanted = report->quick ? QUICK_NOISE : NOISE;
+    must(report, scene, chiaro_reference_render(reference, desc, images));
+    for (uint32_t pass = 1; pass < passes && images->noise[CHIARO_COMPONENT_INDIRECT] > wanted; pass++) {
+        ChiaroReferenceImages more;
+        desc->seed += SEED_STEP;
+        must(report, scene, chiaro_reference_render(reference, desc, &more));
+        add_pass(images, &more, 4 * (size_t)desc->width * desc->height, pass);
+        chiaro_reference_free_images(&more);
+    }
+}
+
 void report_trace(const Report *report, const ReportScene *scene, const ChiaroScene *what, const ChiaroLight *lights,
                   const ReportView *view, ChiaroReferenceImages *images)
 {
@@ -95,7 +127,7 @@ void report_trace(const Report *report, const ReportScene *scene, const ChiaroSc
         report_begin(report, view->name, &step);
         desc.progress = progress_tell, desc.progress_user = &step.progress;
     }
-    must(report, scene, chiaro_reference_render(reference, &desc, images));
+    trace_passes(report, scene, reference, &desc, view->passes, images);
     if (view->name)
         report_end(&step);
     chiaro_reference_destroy(reference);

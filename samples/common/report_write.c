@@ -144,7 +144,9 @@ static const ReportPoint *point_of(const ReportScene *scene, uint32_t i)
 
 static double noise_of(const ReportScene *scene, const ReportPoint *p)
 {
-    return strcmp(p->group, "motion") == 0 ? scene->motion_noise : scene->noise[CHIARO_COMPONENT_INDIRECT];
+    return strcmp(p->group, "motion") == 0    ? scene->motion_noise
+           : strcmp(p->group, "objects") == 0 ? scene->moment_noise
+                                              : scene->noise[CHIARO_COMPONENT_INDIRECT];
 }
 
 static void put_csv_text(FILE *file, const char *text)
