@@ -86,6 +86,8 @@ static void release(Report *report)
 int main(int argc, char **argv)
 {
     Report report = take_options(argc, argv);
+    Progress heard;
+    progress_begin(&heard, report.options.program, true); /* before threads are: signals are for the steps to hear */
     if (!options_sky(&report.options, &report.sky))
         return CHIARO_EXIT_INPUT;
     const uint32_t scene_count = report.scene_count;
@@ -105,5 +107,6 @@ int main(int argc, char **argv)
     if (!report.options.quiet && report.suggest_ms == 0)
         printf("%s/index.html\n", report.folder);
     release(&report);
+    progress_end(&heard);
     return CHIARO_EXIT_OK;
 }

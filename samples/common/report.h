@@ -100,8 +100,8 @@ typedef struct Report {
 
 /* --- report_steps.c --- */
 double report_now(void); /* s */
-/* A long job with its bar. Between report_begin() and report_end() SIGINT is heard by report_continue() only, which then
- * ends the program with one line; files that are there stay as they are. */
+/* A long job with its bar. SIGINT is heard by report_continue() and by what bakes and traces, and ends the program with one
+ * line; files that are there stay as they are. */
 typedef struct ReportStep {
     const Report *report;
     char name[2 * REPORT_TEXT];
