@@ -5,7 +5,8 @@
  * the energy that a row keeps. Light is linear, so a lamp needs only one colour channel: channels take turns.
  *
  * A lamp close to a wall lights it as no lamp elsewhere does, so that a receiver asks for more lights than can be solved for
- * exactly. Of more of them, in the same mixture, the bounces are taken from the samples' links: where links are wrong, so is what they get.
+ * exactly. Of more of them, in the same mixture, the bounces are taken from the samples' links: where links are wrong, so
+ * is what they get.
  */
 #include "../core/samples.h"
 #include "../offline/parallel.h"
