@@ -22,7 +22,7 @@ static const char help[] =
     "  --component full|punctual|indirect   which light (full)\n"
     "  --gi on|off          bounce light (on)\n"
     "  --budget-ms MS       settings of the bake with the least error whose frame takes at most so\n"
-    "                       long, as chiaro-report has measured it on this machine ...\n"
+    "                       long, as chiaro-report has measured it on this machine at this --size ...\n"
     "  --report FILE.csv    ... and written it (report/report.csv)\n"
     "  --frames N           frames that are timed, after two to warm up; the last one is written (1)\n"
     "  --move-lights R      moves every light on a circle of radius R, frame by frame; the last frame has them in place\n"
@@ -94,10 +94,14 @@ static void choose_settings(Job *job)
 {
     ReportPoint choice;
     const char *fault;
-    if (job->load.bake.links || job->load.bake.samples || job->load.bake.rays)
-        options_fail(&job->options, CHIARO_EXIT_USAGE, "--budget-ms chooses --links, --samples and --rays itself");
-    if (!report_read_choice(job->report, (double)job->budget_ms, &choice, &fault))
+    const ChiaroBakeDesc *bake = &job->load.bake;
+    if (bake->links || bake->samples || bake->rays || bake->receivers)
+        options_fail(&job->options, CHIARO_EXIT_USAGE,
+                     "--budget-ms chooses --links, --samples, --rays and --receivers itself");
+    const ReportPlace place = {job->options.input, job->options.width, job->options.height};
+    if (!report_read_choice(job->report, &place, (double)job->budget_ms, &choice, &fault))
         options_fail(&job->options, CHIARO_EXIT_INPUT, "%s: %s", job->report, fault);
+    job->settings.gi_off = choice.links == 0;
     job->load.bake.links = choice.links, job->load.bake.samples = choice.asked_samples;
     job->load.bake.receivers = choice.asked_receivers, job->load.bake.rays = choice.asked_rays;
 }

@@ -7,8 +7,8 @@
 static const char help[] =
     "Usage: chiaro-report SCENE.(gltf|glb)... -o FOLDER [options]\n"
     "Bakes, renders and traces scenes with many settings in one run, and writes FOLDER/index.html, report.csv and\n"
-    "report.json: error against frame time, error by cause, light that is late, objects that move, baselines, how cost\n"
-    "grows.\n"
+    "report.json: error against frame time, error by cause, lights and objects that move under a budget, baselines, how\n"
+    "cost grows. The files are written anew after each part: if it is interrupted, what was finished is there.\n"
     "  --quick         small bakes, few paths: minutes instead of hours\n"
     "  --no-scaling    leaves out how cost grows\n"
     "  --device N|NAME which Vulkan device\n"
@@ -43,19 +43,28 @@ static Report take_options(int argc, char **argv)
     return report;
 }
 
+/* As options of chiaro-render; what is left to the scene has none. */
 static void suggest(const Report *report)
 {
     for (uint32_t s = 0; s < report->scene_count; s++) {
         const ReportScene *scene = &report->scenes[s];
         const ReportPoint *p = report_suggest(scene, report->suggest_ms);
-        if (!p)
+        if (!p) {
             printf("%s: nothing fits %.3g ms here\n", scene->input, report->suggest_ms);
-        else if (p->links == 0)
-            printf("%s: only without bounce light: --gi off (%.2f ms)\n", scene->input, p->frame.median);
-        else
-            printf("%s: %s: --links %u --samples %u --receivers %u --rays %u (0: the default); %.2f ms, relRMSE of indirect "
-                   "%.4f\n", scene->input, p->name, p->links, p->asked_samples, p->asked_receivers, p->asked_rays,
-                   p->frame.median, p->indirect.relrmse);
+            continue;
+        }
+        const struct {
+            const char *name;
+            uint32_t value;
+        } options[] = {{"links", p->links}, {"samples", p->asked_samples}, {"receivers", p->asked_receivers},
+                       {"rays", p->asked_rays}};
+        printf("%s: %s:", scene->input, p->name);
+        for (size_t k = 0; k < sizeof options / sizeof *options && p->links > 0; k++) {
+            if (options[k].value > 0)
+                printf(" --%s %u", options[k].name, options[k].value);
+        }
+        printf("%s; %.2f ms, relRMSE of indirect %.4f\n", p->links ? "" : " --gi off",
+               report_frame_ms(scene, p), p->indirect.relrmse);
     }
 }
 
@@ -77,19 +86,27 @@ static void release(Report *report)
 int main(int argc, char **argv)
 {
     Report report = take_options(argc, argv);
+    Progress heard;
+    progress_begin(&heard, report.options.program, true); /* before threads are: signals are for the steps to hear */
     if (!options_sky(&report.options, &report.sky))
         return CHIARO_EXIT_INPUT;
-    for (uint32_t s = 0; s < report.scene_count; s++) {
-        report.options.input = report.scenes[s].input;
-        report_scene(&report, &report.scenes[s]);
+    const uint32_t scene_count = report.scene_count;
+    for (report.scene_count = 0; report.scene_count < scene_count;) {
+        ReportScene *scene = &report.scenes[report.scene_count];
+        report.options.input = scene->input;
+        report.scene_count++;
+        report_scene(&report, scene);
+        report_write(&report);
     }
-    if (report.scaling)
+    if (report.scaling) {
         report_scaling(&report, &report.scenes[0]);
-    report_write(&report);
+        report_write(&report);
+    }
     if (report.suggest_ms > 0)
         suggest(&report);
     if (!report.options.quiet && report.suggest_ms == 0)
         printf("%s/index.html\n", report.folder);
     release(&report);
+    progress_end(&heard);
     return CHIARO_EXIT_OK;
 }

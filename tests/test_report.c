@@ -1,4 +1,5 @@
-/* What a report makes of its figures: the front, the choice for a budget, powers, and files that stand by themselves. */
+/* What a report makes of its figures: the front, the choice for a budget, powers, and files that stand by themselves; and
+ * how objects move in it. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -6,34 +7,37 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "../samples/common/report.h"
+#include "../samples/common/report_objects.h"
+#include "../samples/common/scenes.h"
 #include "common/check.h"
 #include "common/out.h"
 
 #define FOLDER OUT "report"
 
-static void add(ReportScene *scene, const char *name, uint32_t links, double ms, double error)
+static void add(ReportScene *scene, const char *group, const char *name, uint32_t links, double ms, double error)
 {
     ReportPoint *p = &scene->points[scene->point_count++];
-    *p = (ReportPoint){.links = links, .samples = 2000, .receivers = 4000, .asked_samples = 1000 + links, .frame = {ms, ms},
-                       .update = {-1, -1}, .indirect = {.relrmse = error}, .baseline = ms < 0};
-    snprintf(p->name, sizeof p->name, "%s", name);
+    *p = report_new_point(group, name);
+    p->links = links, p->samples = 2000, p->receivers = 4000, p->asked_samples = 1000 + links;
+    p->frame = (ReportTiming){ms, ms}, p->indirect.relrmse = error, p->baseline = ms < 0;
 }
 
 /* One scene with a name that no format takes as it is. */
 static Report made_report(ReportScene *scene)
 {
     Report report = {.options = {.program = "test"}, .folder = FOLDER, .scenes = scene, .scene_count = 1};
-    *scene = (ReportScene){.input = "a \"b\", <c> & d.glb"};
-    report.options.width = report.options.height = 4;
-    add(scene, "default", 32, 10, 0.05);
-    add(scene, "cheap", 8, 4, 0.2);
-    add(scene, "worse than default", 16, 11, 0.06);
-    add(scene, "dear", 128, 30, 0.04);
-    add(scene, "off", 0, 3, 1);
-    add(scene, "constant", 0, -1, 0.5);
+    *scene = (ReportScene){.input = "some/a \"b\", <c> & d.glb"};
+    report.options.width = 4, report.options.height = 3;
+    add(scene, "default", "default", 32, 10, 0.05);
+    add(scene, "links", "cheap", 8, 4, 0.2);
+    add(scene, "links", "worse than default", 16, 11, 0.06);
+    add(scene, "links", "dear", 128, 30, 0.04);
+    add(scene, "features", "off", 0, 3, 1);
+    add(scene, "features", "no shadows, by luck the best", 32, 5, 0.01);
+    add(scene, "baseline", "constant", 0, -1, 0.5);
     scene->points[0].chosen = true;
-    scene->late = (ReportSeries){.count = 2, .x = {0, 4}, .y = {0.1, 0.2}, .exponent = (double)NAN};
+    scene->budgets[0] = (ReportSeries){.count = 2, .x = {1, 4}, .y = {0.1, 0.2}, .exponent = (double)NAN};
+    scene->frames[0] = (ReportSeries){.count = 2, .x = {0, 1}, .y = {0.1, 0.2}, .exponent = (double)NAN};
     report_find_front(scene);
     return report;
 }
@@ -43,7 +47,7 @@ static void the_front_holds_what_nothing_beats(void **state)
     (void)state;
     ReportScene *scene = new_array(1, sizeof *scene);
     made_report(scene);
-    const bool front[] = {true, true, false, true, true, false};
+    const bool front[] = {true, true, false, true, true, false, false};
     for (uint32_t i = 0; i < scene->point_count; i++)
         assert_int_equal(scene->points[i].front, front[i]);
     assert_string_equal(report_suggest(scene, 10)->name, "default");
@@ -67,6 +71,8 @@ static void a_power_is_found(void **state)
     assert_true(isnan(series.exponent));
 }
 
+static const ReportPlace place = {"elsewhere/a \"b\", <c> & d.glb", 4, 3};
+
 static void the_choice_is_read_back_from_the_file(void **state)
 {
     (void)state;
@@ -75,15 +81,59 @@ static void the_choice_is_read_back_from_the_file(void **state)
     ReportPoint choice;
     const char *fault;
     report_write(&report);
-    assert_true(report_read_choice(FOLDER "/report.csv", 12, &choice, &fault));
-    assert_int_equal(choice.links, 32);
-    assert_int_equal(choice.asked_samples, 1032);
-    assert_true(report_read_choice(FOLDER "/report.csv", 5, &choice, &fault));
-    assert_int_equal(choice.links, 8);
-    /* Without bounce light there is nothing to be baked for. */
-    assert_false(report_read_choice(FOLDER "/report.csv", 3.5, &choice, &fault));
-    assert_false(report_read_choice(FOLDER "/none.csv", 12, &choice, &fault));
-    assert_false(report_read_choice(FOLDER "/index.html", 12, &choice, &fault));
+    for (double budget = 2; budget < 100; budget *= 1.1) {
+        const ReportPoint *wanted = report_suggest(scene, budget);
+        bool found = report_read_choice(FOLDER "/report.csv", &place, budget, &choice, &fault);
+        assert_int_equal(found, wanted != NULL);
+        if (!found)
+            continue;
+        assert_string_equal(choice.name, wanted->name);
+        assert_int_equal(choice.links, wanted->links);
+        assert_int_equal(choice.asked_samples, wanted->asked_samples);
+    }
+    assert_false(report_read_choice(FOLDER "/none.csv", &place, 12, &choice, &fault));
+    assert_string_equal(fault, "cannot be read");
+    assert_false(report_read_choice(FOLDER "/index.html", &place, 12, &choice, &fault));
+    assert_string_equal(fault, "is no report.csv of chiaro-report");
+    free(scene);
+}
+
+static void a_choice_is_for_the_scene_and_the_size_that_were_measured(void **state)
+{
+    (void)state;
+    ReportScene *scene = new_array(1, sizeof *scene);
+    Report report = made_report(scene);
+    const ReportPlace other = {"other.glb", 4, 3}, larger = {place.input, 8, 6};
+    ReportPoint choice;
+    const char *fault;
+    report_write(&report);
+    assert_false(report_read_choice(FOLDER "/report.csv", &other, 12, &choice, &fault));
+    assert_string_equal(fault, "says nothing about this scene");
+    assert_false(report_read_choice(FOLDER "/report.csv", &larger, 12, &choice, &fault));
+    assert_string_equal(fault, "was measured at another --size");
+    assert_false(report_read_choice(FOLDER "/report.csv", &place, 2, &choice, &fault));
+    assert_string_equal(fault, "holds no settings that fit the budget");
+    free(scene);
+}
+
+static void objects_take_their_part_of_a_budget(void **state)
+{
+    (void)state;
+    ReportScene *scene = new_array(1, sizeof *scene);
+    Report report = made_report(scene);
+    ReportPoint choice;
+    const char *fault;
+    scene->objects[0] = report_new_point("objects", "default");
+    scene->objects[0].frame = (ReportTiming){15, 15}, scene->objects[0].chosen = true;
+    scene->objects[0].objects.relrmse = 0.1;
+    scene->objects[1] = report_new_point("objects", "dearer");
+    scene->objects[1].frame = (ReportTiming){40, 40};
+    scene->object_count = 2;
+    report_write(&report);
+    assert_string_equal(report_suggest(scene, 15)->name, "default");
+    assert_string_equal(report_suggest(scene, 14.9)->name, "cheap");
+    assert_true(report_read_choice(FOLDER "/report.csv", &place, 14.9, &choice, &fault));
+    assert_string_equal(choice.name, "cheap");
     free(scene);
 }
 
@@ -114,12 +164,60 @@ static void the_page_needs_nothing_else(void **state)
     free(scene);
 }
 
+/* Two balls and a box in the Cornell box: the balls 10 cm apart, the box 20 cm from a wall. */
+static void the_truth_has_objects_where_the_module_has_them_and_none_meet(void **state)
+{
+    (void)state;
+    Report report = {.options = {.program = "test", .added_count = 3,
+                                 .added = {{"sphere", {2, 1, 1}, 0.6f}, {"sphere", {2.7f, 1, 1}, 0.6f},
+                                           {"box", {4.8f, 3, 3}, 0.8f}}}};
+    const SceneRequest request = {0};
+    const char *fault;
+    TestScene made;
+    ChiaroBlob blob;
+    ChiaroTransport transport;
+    const ChiaroBakeDesc desc = {.struct_size = sizeof desc, .samples = 64, .rays = 16, .receivers = 64};
+    const MovingDesc moving_desc = {0};
+    Moving moving;
+    MergedScene merged;
+    assert_true(scenes_make("cornell", &request, &made, &fault));
+    ReportScene *scene = new_array(1, sizeof *scene);
+    scene->read.scene = made.scene;
+    assert_int_equal(chiaro_bake(&made.scene, &desc, &blob), CHIARO_OK);
+    assert_int_equal(chiaro_transport_open(blob.data, blob.size, &transport, NULL), CHIARO_OK);
+    moving_open(&report.options, &scene->read, &transport, &moving_desc, &moving);
+    float radius = report_object_circle(&moving, 5.5f);
+    assert_true(radius > 0.03f && radius <= 0.05001f);
+    for (float turn = 0; turn < 6; turn += 0.7f) {
+        moving_pose(&report.options, &moving, 0, radius, turn);
+        report_merge(&report, scene, &moving, radius, turn, &merged);
+        const ChiaroVertex *vertex = merged.scene.vertices + made.scene.vertex_count;
+        for (uint32_t i = 0; i < moving.objects.count; i++) {
+            Vec3 sum = vec3(0, 0, 0);
+            uint32_t count = moving.objects.list[i].scene->vertex_count;
+            for (uint32_t v = 0; v < count; v++, vertex++)
+                sum = vec3_mad(sum, vec3_load(vertex->position), 1 / (float)count);
+            assert_below("an object's place", i, (double)vec3_length(vec3_sub(sum, moving.poses[i].center)), 0.01);
+        }
+        Vec3 gap = vec3_sub(moving.poses[0].center, moving.poses[1].center);
+        assert_true(vec3_length(gap) > 0.6f);
+        objects_free_merged(&merged);
+    }
+    moving_close(&moving);
+    chiaro_blob_free(&blob);
+    scenes_free(&made);
+    free(scene);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_front_holds_what_nothing_beats),
         cmocka_unit_test(a_power_is_found),
         cmocka_unit_test(the_choice_is_read_back_from_the_file),
+        cmocka_unit_test(a_choice_is_for_the_scene_and_the_size_that_were_measured),
+        cmocka_unit_test(objects_take_their_part_of_a_budget),
+        cmocka_unit_test(the_truth_has_objects_where_the_module_has_them_and_none_meet),
         cmocka_unit_test(the_page_needs_nothing_else),
     };
     return cmocka_run_group_tests(tests, make_folder, NULL);

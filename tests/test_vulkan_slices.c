@@ -111,6 +111,26 @@ static void slices_end_in_the_bits_of_a_whole_pass_within_the_stated_frames(void
     close_room(&sliced);
 }
 
+/* Memory that is used anew is not dark by itself. */
+static void a_scene_that_was_just_loaded_goes_from_dark_to_light(void **state)
+{
+    (void)state;
+    Room room = open_sliced_room(true);
+    for (int again = 0; again < 3; again++) {
+        if (again > 0)
+            load_transport(&room.stage, &room.stage.transport);
+        shine(&room, 0.5f);
+        uint32_t limit = stats_of(&room).pass_units / 4 + 1, count = 4 * room.receivers;
+        const float *shown = run(&room, limit);
+        for (uint32_t i = 0; i < count; i++)
+            assert_true(i % 4 == 3 || shown[i] == 0);
+        for (uint32_t frame = 0; frame < 30; frame++)
+            run(&room, limit);
+        assert_int_equal(stats_of(&room).light_age, 0);
+    }
+    close_room(&room);
+}
+
 /* From dark to bright: each frame of the blend takes an even step. */
 static void nothing_pops(void **state)
 {
@@ -187,6 +207,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(slices_end_in_the_bits_of_a_whole_pass_within_the_stated_frames),
+        cmocka_unit_test(a_scene_that_was_just_loaded_goes_from_dark_to_light),
         cmocka_unit_test(nothing_pops),
         cmocka_unit_test(what_is_up_to_date_costs_nothing),
         cmocka_unit_test(limits_that_cannot_be_kept_are_refused),

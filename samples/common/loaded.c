@@ -24,6 +24,8 @@ bool loaded_take(const SceneOptions *options, LoadDesc *desc, int argc, char **a
         desc->bake.samples = options_uint(options, argc, argv, index, CHIARO_MIN_SAMPLES, CHIARO_MAX_SAMPLES);
     else if (strcmp(word, "--rays") == 0)
         desc->bake.rays = options_uint(options, argc, argv, index, 16, CHIARO_MAX_RAYS);
+    else if (strcmp(word, "--receivers") == 0)
+        desc->bake.receivers = options_uint(options, argc, argv, index, 16, 1u << 24);
     else if (strcmp(word, "--cubes") == 0)
         desc->moving.cubes = options_uint(options, argc, argv, index, 1, CHIARO_MAX_WORLD_OBJECTS);
     else if (strcmp(word, "--cube-edge") == 0)
@@ -51,8 +53,10 @@ void loaded_finish(const SceneOptions *options, LoadDesc *desc)
 {
     if (!options->input)
         options_fail(options, CHIARO_EXIT_USAGE, "which scene?");
-    if (is_baked(options->input) && (desc->bake.links || desc->bake.samples || desc->bake.rays))
-        options_fail(options, CHIARO_EXIT_USAGE, "--links, --samples and --rays are for a scene that is yet to be baked");
+    const ChiaroBakeDesc *bake = &desc->bake;
+    if (is_baked(options->input) && (bake->links || bake->samples || bake->rays || bake->receivers))
+        options_fail(options, CHIARO_EXIT_USAGE, "--links, --samples, --rays and --receivers are for a scene that is yet to "
+                     "be baked");
     desc->bake.struct_size = sizeof desc->bake;
     desc->bake.seed = (uint32_t)options->seed;
     desc->bake.threads = (uint32_t)options->threads;

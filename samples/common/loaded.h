@@ -27,6 +27,7 @@ typedef struct LoadedScene {
     "  --links K            of the bake: multiply-adds a receiver, 1 to 128 (32)\n"                                    \
     "  --samples M          of the bake: surface samples, 64 to 65536 (from the scene)\n"                              \
     "  --rays R             of the bake: rays a receiver, 16 to 65536 (from the scene)\n"                              \
+    "  --receivers N        of the bake: receivers wanted, about (from the scene)\n"                                     \
     "  --cubes N            environment cubes of objects that are painted a frame, 1 to 65536 (8)\n"                   \
     "  --cube-edge 4|6|8    texels across a face of theirs (4)\n"                                                      \
     "  --cube-format unorm8|half|shared   how they are stored (unorm8)\n"                                              \

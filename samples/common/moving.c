@@ -84,6 +84,7 @@ static double now(void)
 static void bake_object(const SceneOptions *options, const SceneObject *object, Moving *moving, uint32_t number)
 {
     const ChiaroBakeObjectDesc desc = {.struct_size = sizeof desc,
+                                       .elements = moving->desc.elements,
                                        .part_size = moving->part_size,
                                        .threads = moving->desc.threads,
                                        .seed = moving->desc.seed};
@@ -138,6 +139,7 @@ static void create_world(const SceneOptions *options, const ChiaroTransport *tra
                             .object_capacity = moving->objects.count,
                             .edge = moving->desc.edge,
                             .format = moving->desc.format,
+                            .neighbours = moving->desc.neighbours,
                             .seed = moving->desc.seed,
                             .transport = transport,
                             .clock = moving->desc.clock};

@@ -9,6 +9,8 @@
 
 typedef struct MovingDesc {
     uint32_t edge, format; /* of cubes */
+    uint32_t neighbours;   /* on a list */
+    uint32_t elements;     /* of a bake */
     uint32_t cubes;        /* an update */
     uint32_t seed, threads;
     ChiaroClock clock; /* for a budget in microseconds */

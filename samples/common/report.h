@@ -1,7 +1,8 @@
 /* A report: error against run time of a scene, and of what it could be replaced by.
  *
- *   report_scene.c      truth, bakes, pictures and times of one scene; the sweep; light that is late
- *   report_objects.c    objects that move: cubes of all kinds and budgets
+ *   report_scene.c      truth, bakes, pictures and times of one scene; the sweep
+ *   report_objects.c    objects: their cubes, neighbours and elements; what each idea does for them
+ *   report_motion.c     lights and objects that move under a budget, each frame against the truth of that frame
  *   report_baselines.c  what engines do instead, and the article taken literally
  *   report_scaling.c    how cost grows
  *   report_write.c      report.csv, report.json, the table and the choice for a budget
@@ -16,17 +17,19 @@
 #include "chiaro/chiaro_bake.h"
 #include "metrics.h"
 #include "options.h"
+#include "progress.h"
 
 #include <stdio.h>
 
-enum { REPORT_TEXT = 96, REPORT_POINTS = 48, REPORT_TASKS = 5, REPORT_SERIES = 16, REPORT_VALUES = 16, REPORT_CAUSES = 8,
-       REPORT_PICTURES = 12, REPORT_PATH = 1024 };
+enum { REPORT_TEXT = 96, REPORT_POINTS = 48, REPORT_TASKS = 5, REPORT_SERIES = 16, REPORT_VALUES = 32, REPORT_CAUSES = 8,
+       REPORT_PICTURES = 12, REPORT_PATH = 1024, REPORT_SPEEDS = 2, REPORT_BUDGETS = 5,
+       REPORT_PASSES = 8 };
 
 typedef struct ReportTiming {
     double median, p95; /* ms; negative: not measured */
 } ReportTiming;
 
-/* One choice of settings, or one baseline. */
+/* One choice of settings, or one baseline. Numbers that do not apply are NAN. */
 typedef struct ReportPoint {
     char group[REPORT_TEXT], name[REPORT_TEXT];
     uint32_t links, samples, receivers; /* as they came out; 0: does not apply */
@@ -36,12 +39,17 @@ typedef struct ReportPoint {
     double cpu_ms[REPORT_TASKS]; /* the same update on one core: light on samples, means, gather to them, means, gather
                                     to receivers */
     Metrics indirect, full;
+    Metrics objects; /* indirect, of the pixels that show an object */
+    double rest;     /* relRMSE of indirect once nothing moves any more: of those pixels; in motion, of all */
+    double changed;  /* relRMSE of its picture against the default's at rest; in motion, against what is not late */
+    double age;      /* of what is shown, frames */
+    uint32_t asked_cubes, asked_edge, asked_format; /* of objects */
     bool chosen, front, baseline;
 } ReportPoint;
 
-/* A curve: y over x. */
+/* A curve: y over x. Several in one plot are told apart by their names. */
 typedef struct ReportSeries {
-    char title[REPORT_TEXT], x_label[REPORT_TEXT], y_label[REPORT_TEXT], note[2 * REPORT_TEXT];
+    char name[REPORT_TEXT], title[REPORT_TEXT], x_label[REPORT_TEXT], y_label[REPORT_TEXT], note[2 * REPORT_TEXT];
     double x[REPORT_VALUES], y[REPORT_VALUES];
     uint32_t count;
     double exponent; /* y ~ x^exponent; NAN: not fitted */
@@ -64,15 +72,18 @@ typedef struct ReportScene {
     ChiaroLight *lights;
     uint32_t light_count;
     ChiaroIoImage truth[CHIARO_COMPONENT_COUNT];
-    double noise[CHIARO_COMPONENT_COUNT], truth_s;
+    double noise[CHIARO_COMPONENT_COUNT];
     ReportPoint points[REPORT_POINTS];
     uint32_t point_count, cause_count, picture_count;
     ReportCause causes[REPORT_CAUSES];
     ReportPicture pictures[REPORT_PICTURES];
     float exposure; /* of all of them, stops */
-    ReportSeries late; /* error of light that is so many frames late */
-    uint32_t object_count;
-    ReportPoint objects[REPORT_POINTS]; /* settings for objects: errors are of the pixels that show one */
+    uint32_t object_count, motion_count;
+    ReportPoint objects[REPORT_POINTS]; /* settings for objects, and last of them what costs nothing */
+    ReportPoint motion[REPORT_SPEEDS * REPORT_BUDGETS];
+    double moment_noise, motion_noise;     /* of their truths, at most */
+    ReportSeries budgets[REPORT_SPEEDS];   /* error against the part of all work that a frame may do, for each speed */
+    ReportSeries frames[REPORT_BUDGETS];   /* error frame by frame, at the greatest speed */
 } ReportScene;
 
 typedef struct Report {
@@ -87,24 +98,52 @@ typedef struct Report {
     char device[256];
 } Report;
 
-/* --- report_scene.c --- */
+/* --- report_steps.c --- */
 double report_now(void); /* s */
-/* One line to stderr: what was done, and how long it took. */
-void report_tell(const Report *report, const char *what, double seconds);
+/* A long job with its bar. SIGINT is heard by report_continue() and by what bakes and traces, and ends the program with one
+ * line; files that are there stay as they are. */
+typedef struct ReportStep {
+    const Report *report;
+    char name[2 * REPORT_TEXT];
+    Progress progress;
+} ReportStep;
+void report_begin(const Report *report, const char *name, ReportStep *step);
+/* `done`: 0 .. 1. */
+void report_continue(ReportStep *step, double done);
+/* One line to stderr: what was done, and how long it took. @return seconds. */
+double report_end(ReportStep *step);
+void *report_alloc(const Report *report, size_t count, size_t size);
+/* A point in which nothing applies yet. */
+ReportPoint report_new_point(const char *group, const char *name);
+/* A bake with its bar, as a step. Ends the program with one line on failure. @return seconds. */
+double report_bake(const Report *report, const ReportScene *scene, const ChiaroBakeDesc *desc, const char *name,
+                   ChiaroBlob *blob, ChiaroTransport *transport);
+/* A scene in this light, as a step. */
+typedef struct ReportView {
+    const char *name; /* NULL: part of a longer step */
+    uint32_t width, height, spp;
+    uint32_t passes; /* of so many paths, at most, until there is little noise */
+} ReportView;
+void report_trace(const Report *report, const ReportScene *scene, const ChiaroScene *what, const ChiaroLight *lights,
+                  const ReportView *view, ChiaroReferenceImages *images);
 /* Median and 95th of a hundred; sorts them. */
 ReportTiming report_summarize(double *values, uint32_t count);
-/* The truth of a scene in this light. */
-void report_trace(const Report *report, const ReportScene *scene, const ChiaroScene *what, const ChiaroLight *lights,
-                  ChiaroReferenceImages *images);
-/* Bakes of the sweep, pictures, times, causes, light that is late, baselines. Ends the program with one line on failure. */
+
+/* --- report_scene.c --- */
+/* Bakes of the sweep, pictures, times, causes, baselines, motion. Ends the program with one line on failure. */
 void report_scene(Report *report, ReportScene *scene);
 ReportPoint *report_add_point(const Report *report, ReportScene *scene, const char *group, const char *name);
 /* relRMSE and so on of a picture against the scene's truth. */
 Metrics report_compare(const Report *report, const ReportScene *scene, const ChiaroIoImage *picture,
                        ChiaroComponent component);
+/* The same, of two pictures. */
+Metrics report_differ(const Report *report, const ChiaroIoImage *picture, const ChiaroIoImage *truth,
+                      const ChiaroIoImage *mask);
 /* A tone-mapped copy for the page. */
 void report_add_picture(const Report *report, ReportScene *scene, const ChiaroIoImage *picture, const char *title);
-void *report_alloc(const Report *report, size_t count, size_t size);
+/* Its error, in false colours. */
+void report_add_error_picture(const Report *report, ReportScene *scene, const ChiaroIoImage *picture,
+                              const ChiaroIoImage *truth, const char *title);
 
 /* --- report_baselines.c --- */
 /* `direct`: radiosity of the samples of `t` straight from lights; `rays`: of the scene. */
@@ -112,8 +151,12 @@ void report_baselines(Report *report, ReportScene *scene, const ChiaroTransport 
 
 /* --- report_objects.c --- */
 typedef struct ReportDevice ReportDevice;
-/* Objects of the file and the options that move over the static scene, if there are any. */
-void report_objects(Report *report, ReportScene *scene, ReportDevice *device, const ChiaroTransport *t);
+/* Objects of the file and the options that move over the static scene, if there are any. `size`: of the scene, m. */
+void report_objects(Report *report, ReportScene *scene, ReportDevice *device, const ChiaroTransport *t, float size);
+
+/* --- report_motion.c --- */
+void report_motion(Report *report, ReportScene *scene, ReportDevice *device, const ChiaroTransport *t,
+                   const ChiaroRays *rays, float size);
 
 /* --- report_scaling.c --- */
 void report_fit(ReportSeries *series);
@@ -122,12 +165,20 @@ void report_scaling(Report *report, const ReportScene *scene);
 /* --- report_write.c --- */
 /* Marks the points of the front: nothing is both faster and more right. */
 void report_find_front(ReportScene *scene);
-/* The point with the least error that fits a budget; NULL: none does. */
+/* Median of a frame with these settings and, if there are any, objects with theirs. */
+double report_frame_ms(const ReportScene *scene, const ReportPoint *point);
+/* The point with the least error whose frame fits a budget; NULL: none does. */
 const ReportPoint *report_suggest(const ReportScene *scene, double budget_ms);
 /* Writes report.csv, report.json and index.html; ends the program with one line if it cannot. */
 void report_write(const Report *report);
-/* The same choice from a report.csv, of any scene: links, and what else was asked of the baker. False: `fault` says why. */
-bool report_read_choice(const char *path, double budget_ms, ReportPoint *choice, const char **fault);
+/* The same choice from a report.csv: links (0: only without bounce light), and what else was asked of the baker. For a scene
+ * of the same name, at the size of the pictures that were measured. False: `fault` says why. */
+typedef struct ReportPlace {
+    const char *input;
+    uint32_t width, height;
+} ReportPlace;
+bool report_read_choice(const char *path, const ReportPlace *place, double budget_ms, ReportPoint *choice,
+                        const char **fault);
 
 /* --- report_html.c --- */
 void report_write_html(FILE *file, const Report *report);

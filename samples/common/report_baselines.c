@@ -92,7 +92,7 @@ static Vec3 probe_place(const Grid *grid, uint32_t x, uint32_t y, uint32_t z)
                 grid->low.z + grid->step.z * (float)z);
 }
 
-static void make_probes(const Report *report, const ChiaroReference *reference, Grid *grid)
+static void make_probes(ReportStep *step, const ChiaroReference *reference, Grid *grid)
 {
     Vec3 normals[NORMALS];
     uint32_t count = 0;
@@ -103,10 +103,12 @@ static void make_probes(const Report *report, const ChiaroReference *reference, 
     }
     for (int corner = 0; corner < 8; corner++)
         normals[count++] = vec3_normalize(vec3(corner & 1 ? -1 : 1, corner & 2 ? -1 : 1, corner & 4 ? -1 : 1));
+    const Report *report = step->report;
     grid->probes = report_alloc(report, PROBES_ALONG * PROBES_ALONG * PROBES_ALONG, sizeof *grid->probes);
     for (uint32_t p = 0; p < PROBES_ALONG * PROBES_ALONG * PROBES_ALONG; p++) {
         double value[NORMALS][3];
         float at[3], normal[3];
+        report_continue(step, (double)p / (PROBES_ALONG * PROBES_ALONG * PROBES_ALONG));
         vec3_store(at, probe_place(grid, p % PROBES_ALONG, p / PROBES_ALONG % PROBES_ALONG,
                                    p / PROBES_ALONG / PROBES_ALONG));
         for (uint32_t n = 0; n < NORMALS; n++) {
@@ -153,19 +155,22 @@ static void look_up(const Grid *grid, const ChiaroRays *rays, const ChiaroReceiv
         irradiance[c] = weight > 0 ? (float)fmax(0, sum[c] / weight) : 0;
 }
 
-static void run_probes(Report *report, ReportScene *scene, const ChiaroTransport *t, const ChiaroRays *rays,
-                       float *irradiance)
+static void run_probes(Report *report, ReportStep *step, ReportScene *scene, const ChiaroTransport *t,
+                       const ChiaroRays *rays, float *irradiance)
 {
     ChiaroReference *reference;
     Grid grid = {.low = vec3_load(t->info.bounds_min)};
     Vec3 size = vec3_sub(vec3_load(t->info.bounds_max), grid.low);
+    /* A scene as flat as a plain has probes above it. */
+    float least = 0.1f * vec3_max(size);
+    size = vec3(fmaxf(size.x, least), fmaxf(size.y, least), fmaxf(size.z, least));
     /* Half a step inside the bounds, where probes are not buried in walls. */
     grid.step = vec3_scale(size, 1.0f / PROBES_ALONG);
     grid.low = vec3_mad(grid.low, grid.step, 0.5f);
     if (chiaro_reference_create(&scene->read.scene, scene->lights, scene->light_count,
                                 report->sky.radiance ? &report->sky : NULL, NULL, &reference) != CHIARO_OK)
         options_fail(&report->options, CHIARO_EXIT_INPUT, "out of memory");
-    make_probes(report, reference, &grid);
+    make_probes(step, reference, &grid);
     chiaro_reference_destroy(reference);
     double best = INFINITY;
     for (int repeat = 0; repeat < 3; repeat++) {
@@ -263,15 +268,16 @@ static void run_literally(Report *report, ReportScene *scene, const ChiaroTransp
 void report_baselines(Report *report, ReportScene *scene, const ChiaroTransport *t, const ChiaroRays *rays)
 {
     static const char *const names[3] = {"no bounce light", "best constant ambient", "ambient x cavity"};
-    double begin = report_now();
+    ReportStep step;
+    report_begin(report, "baselines", &step);
     float *irradiance = report_alloc(report, 3 * (size_t)t->receiver_count, sizeof *irradiance);
     for (int kind = 0; kind < 3; kind++) {
         for (size_t i = 0; i < 3 * (size_t)t->receiver_count; i++)
             irradiance[i] = kind == 0 ? 0 : kind == 1 ? 1 : t->receivers[i / 3].cavity[i % 3];
         add_baseline(report, scene, t, irradiance, true, kind == 2, names[kind]);
     }
-    run_probes(report, scene, t, rays, irradiance);
+    run_probes(report, &step, scene, t, rays, irradiance);
     run_literally(report, scene, t, rays, irradiance);
     free(irradiance);
-    report_tell(report, "baselines", report_now() - begin);
+    report_end(&step);
 }

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { WIDTH = 560, HEIGHT = 340, LEFT = 64, RIGHT = 16, TOP = 28, BOTTOM = 46 };
+enum { WIDTH = 560, HEIGHT = 340, LEFT = 64, RIGHT = 16, TOP = 28, BOTTOM = 46, MOST_NUMBERS = 8 };
 
 static const char style[] =
     "body{font:15px/1.5 system-ui,sans-serif;color:#1b1b1f;background:#fff;max-width:1180px;margin:2em auto;padding:0 1em}"
@@ -144,6 +144,9 @@ static void put_dot(Plot *plot, double x, double y, const char *color, bool larg
         double *own = plot->labels[plot->label_count++];
         own[0] = begin, own[1] = end, own[2] = base;
     }
+    if (fabs(base - py) > 16)
+        fprintf(plot->file, "<path d=\"M%.1f %.1fL%.1f %.1f\" stroke=\"#bbb\"/>", px, py, left ? px - 7 : px + 7,
+                base - 4);
     fprintf(plot->file, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%d\" fill=\"%s\"><title>", px, py, large ? 7 : 4, color);
     put_text(plot->file, label);
     fprintf(plot->file, "</title></circle><text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">", left ? px - 8 : px + 8, base,
@@ -152,24 +155,38 @@ static void put_dot(Plot *plot, double x, double y, const char *color, bool larg
     fputs("</text>", plot->file);
 }
 
-static void plot_series(FILE *file, const ReportSeries *series)
+/* One plot of curves that share their axes. */
+static void plot_series(FILE *file, const ReportSeries *series, uint32_t series_count)
 {
+    static const char *const colors[] = {"#2667b5", "#d97706", "#0a7", "#a21caf", "#6b7280"};
+    enum { COLORS = sizeof colors / sizeof *colors };
     Plot plot = {.file = file, .linear = series->count && series->x[0] == 0};
-    const double *x = series->x;
+    double x[REPORT_BUDGETS * REPORT_VALUES], y[REPORT_BUDGETS * REPORT_VALUES];
     char caption[3 * REPORT_TEXT];
-    if (series->count == 0)
+    uint32_t count = 0;
+    for (uint32_t s = 0; s < series_count; s++) {
+        for (uint32_t k = 0; k < series[s].count; k++)
+            x[count] = series[s].x[k], y[count++] = series[s].y[k];
+    }
+    if (count == 0)
         return;
-    find_range(&plot, 0, x, series->count);
-    find_range(&plot, 1, series->y, series->count);
+    find_range(&plot, 0, x, count);
+    find_range(&plot, 1, y, count);
     begin_plot(&plot, series->title, series->x_label, series->y_label);
-    fputs("<path fill=\"none\" stroke=\"#2667b5\" stroke-width=\"2\" d=\"", file);
-    for (uint32_t k = 0; k < series->count; k++)
-        fprintf(file, "%c%.1f %.1f", k ? 'L' : 'M', place(&plot, 0, x[k]), place(&plot, 1, series->y[k]));
-    fputs("\"/>", file);
-    for (uint32_t k = 0; k < series->count; k++) {
-        char label[48];
-        snprintf(label, sizeof label, "%.3g", series->y[k]);
-        put_dot(&plot, x[k], series->y[k], "#2667b5", false, label);
+    for (uint32_t s = 0; s < series_count; s++) {
+        const ReportSeries *one = &series[s];
+        fprintf(file, "<path fill=\"none\" stroke=\"%s\" stroke-width=\"2\" d=\"", colors[s % COLORS]);
+        for (uint32_t k = 0; k < one->count; k++)
+            fprintf(file, "%c%.1f %.1f", k ? 'L' : 'M', place(&plot, 0, one->x[k]), place(&plot, 1, one->y[k]));
+        fputs("\"/>", file);
+        /* Short curves have a number at every point, long ones their name at the end. */
+        for (uint32_t k = 0; k < one->count; k++) {
+            char label[2 * REPORT_TEXT];
+            bool last = k + 1 == one->count;
+            snprintf(label, sizeof label, "%.3g%s%s", one->y[k], last && one->name[0] ? ", " : "", last ? one->name : "");
+            if ((one->count <= MOST_NUMBERS && series_count == 1) || last)
+                put_dot(&plot, one->x[k], one->y[k], colors[s % COLORS], false, label);
+        }
     }
     if (isfinite(series->exponent))
         snprintf(caption, sizeof caption, "grows with the power %.2f%s%s", series->exponent, series->note[0] ? "; " : "",
@@ -209,8 +226,7 @@ static void plot_front(FILE *file, const ReportScene *scene, bool device)
         least = x[i] > 0 ? fmin(least, x[i]) : least;
     }
     for (uint32_t i = 0; i < scene->point_count; i++)
-        x[i] = x[i] == 0 ? least / 2 : x[i]; /* for nothing: at the left edge */
-    y[scene->point_count] = scene->noise[CHIARO_COMPONENT_INDIRECT];
+        x[i] = x[i] == 0 && scene->points[i].baseline ? least / 2 : x[i]; /* for nothing: at the left edge */
     find_range(&plot, 0, x, scene->point_count);
     find_range(&plot, 1, y, scene->point_count);
     begin_plot(&plot, device ? "Error against frame time" : "Error against update time, one core",
@@ -255,7 +271,8 @@ static void plot_causes(FILE *file, const ReportScene *scene)
                 k + 1 == scene->cause_count ? "#d97706" : "#7aa6d8");
         fprintf(file, "<text x=\"%.1f\" y=\"%d\">%.4f</text>", left + bar + 5, y + 15, scene->causes[k].relrmse);
     }
-    fputs("</svg><figcaption>relRMSE of indirect. Independent causes add up by their squares.</figcaption></figure>\n", file);
+    fputs("</svg><figcaption>relRMSE of indirect. Independent causes add up by their squares.</figcaption></figure>\n",
+          file);
 }
 
 /* ---- pictures ----------------------------------------------------------------------------------------------------- */
@@ -320,11 +337,11 @@ static void put_times(FILE *file, const ReportPoint *p)
     put_number(file, "2", p->update.p95);
 }
 
-static void put_errors(FILE *file, const ReportPoint *p)
+static void put_errors(FILE *file, const Metrics *metrics)
 {
-    put_number(file, "4", p->indirect.relrmse);
-    put_number(file, "4", p->indirect.mean_ratio);
-    put_number(file, "4", p->indirect.p99);
+    put_number(file, "4", metrics->relrmse);
+    put_number(file, "4", metrics->mean_ratio);
+    put_number(file, "4", metrics->p99);
 }
 
 static void put_table(FILE *file, const ReportScene *scene)
@@ -338,7 +355,7 @@ static void put_table(FILE *file, const ReportScene *scene)
         begin_row(file, p);
         put_number(file, "0", p->links ? (double)p->links : (double)NAN);
         put_number(file, "0", p->samples ? (double)p->samples : (double)NAN);
-        put_number(file, "0", p->receivers);
+        put_number(file, "0", p->receivers ? (double)p->receivers : (double)NAN);
         put_number(file, "1", p->bake_s > 0 ? p->bake_s : (double)NAN);
         put_number(file, "0", p->bytes / 1024);
         put_times(file, p);
@@ -346,7 +363,7 @@ static void put_table(FILE *file, const ReportScene *scene)
         put_number(file, "2", p->cpu_ms[1] + p->cpu_ms[3]);
         put_number(file, "2", p->cpu_ms[2]);
         put_number(file, "2", p->cpu_ms[4]);
-        put_errors(file, p);
+        put_errors(file, &p->indirect);
         put_number(file, "4", p->full.relrmse);
         put_number(file, "4", p->full.mean_ratio);
         fputs("</tr>\n", file);
@@ -354,24 +371,70 @@ static void put_table(FILE *file, const ReportScene *scene)
     fputs("</table>\n", file);
 }
 
+static void begin_table(FILE *file, const char *const *heads, size_t count)
+{
+    fputs("<table><tr>", file);
+    for (size_t k = 0; k < count; k++)
+        fprintf(file, "<th>%s</th>", heads[k]);
+    fputs("</tr>\n", file);
+}
+
 static void put_object_table(FILE *file, const ReportScene *scene)
 {
-    const ReportPoint *constant = &scene->objects[scene->object_count - 1];
-    fprintf(file, "<h3>Objects that move</h3>\n<p>Pixels that show an object, against the truth of the same frame. The best "
-                  "constant is <b>%.1f times</b> as wrong as the default.</p>\n<table><tr><th>settings</th><th>frame, ms</th>"
-                  "<th>p95</th><th>update() on the CPU, ms</th><th>p95</th><th>KiB</th><th>indirect relRMSE</th>"
-                  "<th>mean ratio</th><th>p99</th></tr>\n",
-            constant->indirect.relrmse / scene->objects[0].indirect.relrmse);
+    static const char *const heads[] = {"settings", "frame, ms", "p95", "update() on the CPU, ms", "p95", "KiB",
+                                        "objects: relRMSE", "mean ratio", "p99", "at rest", "whole picture: relRMSE",
+                                        "mean ratio", "changes"};
+    fputs("<h3>Objects that move</h3>\n<p>Indirect light against the truth of the same frame: of the pixels that show an "
+          "object, the same once everything rests, and of the whole picture. Last, how far the picture at rest is from the "
+          "default's: what the setting is good for.</p>\n", file);
+    begin_table(file, heads, sizeof heads / sizeof *heads);
     for (uint32_t i = 0; i < scene->object_count; i++) {
         const ReportPoint *p = &scene->objects[i];
         begin_row(file, p);
         put_times(file, p);
         put_number(file, "0", p->bytes / 1024);
-        put_errors(file, p);
+        put_errors(file, &p->objects);
+        put_number(file, "4", p->rest);
+        put_number(file, "4", p->indirect.relrmse);
+        put_number(file, "4", p->indirect.mean_ratio);
+        put_number(file, "4", p->changed);
         fputs("</tr>\n", file);
     }
     fputs("</table>\n", file);
 }
+
+static void put_motion_table(FILE *file, const ReportScene *scene)
+{
+    static const char *const heads[] = {"budget", "frame, ms", "p95", "update on the device, ms", "p95",
+                                        "update() on the CPU, ms", "age, frames", "relRMSE", "with nothing late",
+                                        "for being late"};
+    fprintf(file, "<h3>Lights and objects that move under a budget</h3>\n<p>The module runs as in a game; indirect light of "
+                  "each frame against the truth of that frame (noise %.4f), the same with nothing late, and one against the "
+                  "other: the error for being late. Age: of the oldest light that is shown.</p>\n", scene->motion_noise);
+    begin_table(file, heads, sizeof heads / sizeof *heads);
+    for (uint32_t i = 0; i < scene->motion_count; i++) {
+        const ReportPoint *p = &scene->motion[i];
+        begin_row(file, p);
+        put_times(file, p);
+        put_number(file, "2", p->cpu_ms[0]);
+        put_number(file, "1", p->age);
+        put_number(file, "4", p->indirect.relrmse);
+        put_number(file, "4", p->rest);
+        put_number(file, "4", p->changed);
+        fputs("</tr>\n", file);
+    }
+    fputs("</table>\n", file);
+}
+
+/* An error without that of the truth: independent, they add up by their squares. What is less than a quarter of the noise
+ * is not known, nor what is less than rounding. */
+static double without_noise(double relrmse, double noise)
+{
+    return sqrt(fmax(relrmse * relrmse - noise * noise, fmax(noise * noise / 16, 1e-8)));
+}
+
+/* A sum of samples that are not there: the article has nothing to say about such a scene. */
+static const double NOTHING_SEEN = 0.99;
 
 /* What the page is for: how much better than what costs nothing, and than the article's own form. */
 static void put_verdict(FILE *file, const ReportScene *scene)
@@ -387,21 +450,31 @@ static void put_verdict(FILE *file, const ReportScene *scene)
     }
     for (uint32_t i = 0; literal && i < scene->point_count; i++) {
         const ReportPoint *p = &scene->points[i];
-        if (!p->baseline && p->links && p->indirect.relrmse <= literal->indirect.relrmse &&
+        if (!p->baseline && time_of(scene, p, false) > 0 && p->indirect.relrmse <= literal->indirect.relrmse &&
             (!cheapest || time_of(scene, p, false) < time_of(scene, cheapest, false)))
             cheapest = p;
     }
     fputs("<ul>", file);
+    double noise = scene->noise[CHIARO_COMPONENT_INDIRECT];
     if (free_of_cost)
         fprintf(file, "<li>Default: relRMSE of indirect %.4f (noise of the truth %.4f); the best that costs nothing, "
-                      "<i>%s</i>: %.4f, <b>%.1f times</b> as much.</li>", chosen->indirect.relrmse,
-                scene->noise[CHIARO_COMPONENT_INDIRECT], free_of_cost->name, free_of_cost->indirect.relrmse,
-                free_of_cost->indirect.relrmse / chosen->indirect.relrmse);
-    if (literal && cheapest)
+                      "<i>%s</i>: %.4f. Without that noise <b>%.1f times</b> as much.</li>", chosen->indirect.relrmse, noise,
+                free_of_cost->name, free_of_cost->indirect.relrmse,
+                without_noise(free_of_cost->indirect.relrmse, noise) / without_noise(chosen->indirect.relrmse, noise));
+    if (literal && cheapest && literal->indirect.relrmse < NOTHING_SEEN)
         fprintf(file, "<li>The article literally comes to %.4f at best (K = %u, %.2f ms on one core); <i>%s</i> is at least "
                       "as good at %.2f ms: <b>%.1f times</b> cheaper.</li>", literal->indirect.relrmse, literal->links,
                 time_of(scene, literal, false), cheapest->name, time_of(scene, cheapest, false),
                 time_of(scene, literal, false) / time_of(scene, cheapest, false));
+    if (scene->object_count) {
+        const ReportPoint *first = &scene->objects[0], *constant = &scene->objects[scene->object_count - 1];
+        noise = scene->moment_noise;
+        fprintf(file, "<li>While objects move: %.4f (noise %.4f), and %.4f where an object is seen; the best constant of the "
+                      "moment: <b>%.1f times</b> as much without that noise, and <b>%.1f times</b>.</li>",
+                first->indirect.relrmse, noise, first->objects.relrmse,
+                without_noise(constant->indirect.relrmse, noise) / without_noise(first->indirect.relrmse, noise),
+                constant->objects.relrmse / first->objects.relrmse);
+    }
     fputs("</ul>\n", file);
 }
 
@@ -443,18 +516,21 @@ void report_write_html(FILE *file, const Report *report)
         plot_front(file, scene, true);
         plot_front(file, scene, false);
         plot_causes(file, scene);
-        plot_series(file, &scene->late);
+        plot_series(file, scene->budgets, REPORT_SPEEDS);
+        plot_series(file, scene->frames, REPORT_BUDGETS);
         fputs("</div>\n", file);
         put_table(file, scene);
         if (scene->object_count)
             put_object_table(file, scene);
+        if (scene->motion_count)
+            put_motion_table(file, scene);
     }
     if (report->series_count) {
         fputs("<h2>How cost grows</h2>\n", file);
         put_scaling_table(file, report);
         fputs("<div class=\"plots\">\n", file);
         for (uint32_t k = 0; k < report->series_count; k++)
-            plot_series(file, &report->series[k]);
+            plot_series(file, &report->series[k], 1);
         fputs("</div>\n", file);
     }
     fputs("</body></html>\n", file);

@@ -63,13 +63,11 @@ typedef struct Scaled {
 static Scaled bake(const Report *report, const ReportScene *scene, uint32_t samples, uint32_t receivers, uint32_t threads)
 {
     Scaled scaled;
+    char name[REPORT_TEXT];
     ChiaroBakeDesc desc = {.struct_size = sizeof desc, .samples = samples, .receivers = receivers, .rays = 256,
                            .threads = threads};
-    double begin = report_now();
-    if (chiaro_bake(&scene->read.scene, &desc, &scaled.blob) != CHIARO_OK ||
-        chiaro_transport_open(scaled.blob.data, scaled.blob.size, &scaled.transport, NULL) != CHIARO_OK)
-        options_fail(&report->options, CHIARO_EXIT_INPUT, "%s: the bake failed", scene->input);
-    scaled.seconds = report_now() - begin;
+    snprintf(name, sizeof name, "scaling: %u samples, %u receivers, %u threads", samples, receivers, threads);
+    scaled.seconds = report_bake(report, scene, &desc, name, &scaled.blob, &scaled.transport);
     return scaled;
 }
 
@@ -212,7 +210,7 @@ static double object_bake_s(const Report *report, uint32_t triangles, ChiaroBlob
     return seconds;
 }
 
-static void scale_objects(Report *report)
+static void scale_objects(Report *report, ReportStep *step)
 {
     ReportSeries *rounds = add_series(report, "A round of all cubes on one core against objects", "objects", "ms");
     ReportSeries *triangles = add_series(report, "Bake of an object against triangles", "triangles", "s");
@@ -221,13 +219,14 @@ static void scale_objects(Report *report)
     ChiaroBlob blob;
     for (uint32_t count = 1000; count <= most_triangles; count *= 10) {
         add_value(triangles, count, object_bake_s(report, count, &blob));
+        report_continue(step, 0.7 * count / most_triangles);
         chiaro_blob_free(&blob);
     }
     object_bake_s(report, 400, &blob);
     if (chiaro_object_open(blob.data, blob.size, &object, NULL) != CHIARO_OK)
         options_fail(&report->options, CHIARO_EXIT_INPUT, "an object cannot be opened");
     for (uint32_t count = 1; count <= most_objects; count *= 10)
-        add_value(rounds, count, round_ms(report, &object, count));
+        add_value(rounds, count, round_ms(report, &object, count)), report_continue(step, 0.7);
     chiaro_blob_free(&blob);
     fit_and_judge(rounds, "every object paints its neighbours, whose number is bounded");
     fit_and_judge(triangles, "rays of every vertex, through a tree over all triangles");
@@ -235,8 +234,9 @@ static void scale_objects(Report *report)
 
 void report_scaling(Report *report, const ReportScene *scene)
 {
-    double begin = report_now();
+    ReportStep step;
     scale_bakes(report, scene);
-    scale_objects(report);
-    report_tell(report, "scaling", report_now() - begin);
+    report_begin(report, "scaling: objects", &step);
+    scale_objects(report, &step);
+    report_end(&step);
 }

@@ -11,36 +11,36 @@
 #include "report_device.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
-enum { LANES = 16, WARM_UP = 3, FRAMES_A_TURN = 60, LATE = 6, MOMENTS = 3 };
+enum { LANES = 16, WARM_UP = 3, FRAMES_A_TURN = 60 };
 /* How far lights of the timed frames are from their places, of the scene's size. */
 static const float TIMED_CIRCLE = 0.02f;
-/* Late light: speed of the lights, scene sizes a frame. At 60 frames a second of a room of 5 m that is 1.5 m/s. */
-static const float LATE_STEP = 0.005f;
-
 /* Settings of the sweep, as parts of the default. */
 typedef struct Setting {
     const char *group, *name;
     uint32_t links;
-    float samples, receivers;
+    float samples, receivers, rays;
     bool gi_off;
+    uint32_t without; /* bits of ChiaroVulkanWithout */
 } Setting;
 
 static const Setting settings[] = {
-    {"default", "default", 32, 1, 1, false},
-    {"links", "K = 8", 8, 1, 1, false},
-    {"links", "K = 16", 16, 1, 1, false},
-    {"links", "K = 64", 64, 1, 1, false},
-    {"links", "K = 128", 128, 1, 1, false},
-    {"samples", "a quarter of the samples", 32, 0.25f, 1, false},
-    {"samples", "half the samples", 32, 0.5f, 1, false},
-    {"receivers", "a quarter of the receivers", 32, 1, 0.25f, false},
-    {"receivers", "half the receivers", 32, 1, 0.5f, false},
-    {"features", "bounce light off", 32, 1, 1, true},
+    {"default", "default", 32, 1, 1, 1, false, 0},
+    {"links", "K = 8", 8, 1, 1, 1, false, 0},
+    {"links", "K = 16", 16, 1, 1, 1, false, 0},
+    {"links", "K = 64", 64, 1, 1, 1, false, 0},
+    {"links", "K = 128", 128, 1, 1, 1, false, 0},
+    {"samples", "a quarter of the samples", 32, 0.25f, 1, 1, false, 0},
+    {"samples", "half the samples", 32, 0.5f, 1, 1, false, 0},
+    {"receivers", "fewest receivers", 32, 1, 0.1f, 1, false, 0},
+    {"receivers", "fewer receivers", 32, 1, 0.3f, 1, false, 0},
+    {"rays", "a quarter of the rays", 32, 1, 1, 0.25f, false, 0},
+    {"features", "one bounce only", 32, 1, 1, 1, false, CHIARO_WITHOUT_BOUNCES},
+    {"features", "without shadows", 32, 1, 1, 1, false, CHIARO_WITHOUT_SHADOWS},
+    {"features", "without the sky's sun", 32, 1, 1, 1, false, CHIARO_WITHOUT_SKY_SUN},
+    {"features", "bounce light off", 32, 1, 1, 1, true, 0},
 };
 enum { SETTINGS = sizeof settings / sizeof *settings, MOST_LINKS = 4 };
 
@@ -50,7 +50,7 @@ typedef struct Lane {
     ReportPoint *point;
     ChiaroBlob blob;
     ChiaroTransport transport;
-    ChiaroVulkan *chiaro;
+    ReportContext context;
     double *frame_ms, *update_ms;
 } Lane;
 
@@ -65,46 +65,29 @@ typedef struct Bench {
     const ChiaroRays *rays;
 } Bench;
 
-double report_now(void)
-{
-    struct timespec time;
-    clock_gettime(CLOCK_MONOTONIC, &time);
-    return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
-}
-
-void *report_alloc(const Report *report, size_t count, size_t size)
-{
-    void *memory = calloc(count + 1, size);
-    if (!memory)
-        options_fail(&report->options, CHIARO_EXIT_INPUT, "out of memory");
-    return memory;
-}
-
-void report_tell(const Report *report, const char *what, double seconds)
-{
-    if (!report->options.quiet && !report->options.json)
-        fprintf(stderr, "%s: %s, %.1f s\n", report->options.program, what, seconds);
-}
-
 ReportPoint *report_add_point(const Report *report, ReportScene *scene, const char *group, const char *name)
 {
     if (scene->point_count == REPORT_POINTS)
         options_fail(&report->options, CHIARO_EXIT_INPUT, "too many points");
     ReportPoint *point = &scene->points[scene->point_count++];
-    *point = (ReportPoint){.frame = {-1, -1}, .update = {-1, -1}};
-    snprintf(point->group, sizeof point->group, "%s", group);
-    snprintf(point->name, sizeof point->name, "%s", name);
+    *point = report_new_point(group, name);
     return point;
+}
+
+Metrics report_differ(const Report *report, const ChiaroIoImage *picture, const ChiaroIoImage *truth,
+                      const ChiaroIoImage *mask)
+{
+    Metrics metrics;
+    const char *fault;
+    if (!metrics_compare(picture, truth, mask, &metrics, &fault))
+        options_fail(&report->options, CHIARO_EXIT_INPUT, "%s", fault);
+    return metrics;
 }
 
 Metrics report_compare(const Report *report, const ReportScene *scene, const ChiaroIoImage *picture,
                        ChiaroComponent component)
 {
-    Metrics metrics;
-    const char *fault;
-    if (!metrics_compare(picture, &scene->truth[component], NULL, &metrics, &fault))
-        options_fail(&report->options, CHIARO_EXIT_INPUT, "%s", fault);
-    return metrics;
+    return report_differ(report, picture, &scene->truth[component], NULL);
 }
 
 void report_add_picture(const Report *report, ReportScene *scene, const ChiaroIoImage *picture, const char *title)
@@ -126,13 +109,14 @@ void report_add_picture(const Report *report, ReportScene *scene, const ChiaroIo
         chiaro_tone_map(picture->pixels + picture->channels * i, scene->exposure, shown->image.pixels + 3 * i);
 }
 
-static void add_error_picture(const Report *report, ReportScene *scene, const ChiaroIoImage *picture, const char *title)
+void report_add_error_picture(const Report *report, ReportScene *scene, const ChiaroIoImage *picture,
+                              const ChiaroIoImage *truth, const char *title)
 {
     ReportPicture *shown = &scene->pictures[scene->picture_count];
     const char *fault;
     if (scene->picture_count == REPORT_PICTURES)
         return;
-    if (!metrics_picture(picture, &scene->truth[CHIARO_COMPONENT_INDIRECT], NULL, &shown->image, &fault))
+    if (!metrics_picture(picture, truth, NULL, &shown->image, &fault))
         options_fail(&report->options, CHIARO_EXIT_INPUT, "%s", fault);
     snprintf(shown->title, sizeof shown->title, "%s", title);
     scene->picture_count++;
@@ -140,28 +124,12 @@ static void add_error_picture(const Report *report, ReportScene *scene, const Ch
 
 /* ---- truth -------------------------------------------------------------------------------------------------------- */
 
-void report_trace(const Report *report, const ReportScene *scene, const ChiaroScene *what, const ChiaroLight *lights,
-                  ChiaroReferenceImages *images)
-{
-    const SceneOptions *options = &report->options;
-    ChiaroReference *reference;
-    ChiaroReferenceDesc desc = {.camera = scene->camera, .width = options->width, .height = options->height,
-                                .spp = report->quick ? 256 : 1024,
-                                .seed = (uint32_t)options->seed, .threads = (uint32_t)options->threads};
-    ChiaroResult result = chiaro_reference_create(what, lights, scene->light_count,
-                                                  report->sky.radiance ? &report->sky : NULL, NULL, &reference);
-    if (result == CHIARO_OK)
-        result = chiaro_reference_render(reference, &desc, images);
-    if (result != CHIARO_OK)
-        options_fail(options, CHIARO_EXIT_INPUT, "%s: %s", scene->input, chiaro_result_text(result));
-    chiaro_reference_destroy(reference);
-}
-
 static void make_truth(const Report *report, ReportScene *scene)
 {
     ChiaroReferenceImages images;
-    double begin = report_now();
-    report_trace(report, scene, &scene->read.scene, scene->lights, &images);
+    const ReportView view = {"truth", report->options.width, report->options.height, report->quick ? 256 : 1024,
+                             REPORT_PASSES};
+    report_trace(report, scene, &scene->read.scene, scene->lights, &view, &images);
     for (int c = 0; c < CHIARO_COMPONENT_COUNT; c++) {
         size_t floats = 4 * (size_t)report->options.width * report->options.height;
         scene->truth[c] = (ChiaroIoImage){report->options.width, report->options.height, 4,
@@ -170,59 +138,65 @@ static void make_truth(const Report *report, ReportScene *scene)
         scene->noise[c] = images.noise[c];
     }
     chiaro_reference_free_images(&images);
-    scene->truth_s = report_now() - begin;
-    report_tell(report, "truth", scene->truth_s);
 }
 
 /* ---- bakes and pictures ------------------------------------------------------------------------------------------- */
 
-static void bake_lane(Bench *bench, Lane *lane, const Setting *setting, const ChiaroTransport *base)
+static void bake_lane(Bench *bench, Lane *lane, const Setting *setting)
 {
     const Report *report = bench->report;
-    double begin = report_now();
-    uint32_t samples = report->quick ? 1024 : 0, receivers = report->quick ? 3000 : 0;
-    if (base && setting->samples < 1 && !samples)
-        samples = base->sample_count;
-    if (base && setting->receivers < 1 && !receivers)
-        receivers = base->receiver_count;
-    ChiaroBakeDesc desc = {.struct_size = sizeof desc, .links = setting->links, .rays = report->quick ? 512 : 0,
-                           .samples = (uint32_t)((float)samples * setting->samples),
-                           .receivers = (uint32_t)((float)receivers * setting->receivers),
-                           .threads = (uint32_t)report->options.threads, .seed = (uint32_t)report->options.seed};
+    const Lane *base = &bench->lanes[0];
     lane->setting = setting;
-    if (setting->gi_off) { /* a bake has no part in it but the mesh */
-        lane->transport = *base;
-        lane->point->links = 0;
-        return;
+    if (setting->gi_off || setting->without) {
+        lane->transport = base->transport; /* another use of the same bake */
+    } else {
+        uint32_t samples = report->quick ? 1024 : 0, receivers = report->quick ? 3000 : 0, rays = report->quick ? 512 : 0;
+        if (setting->samples < 1 && !samples)
+            samples = base->transport.sample_count;
+        if (setting->receivers < 1 && !receivers)
+            receivers = base->transport.receiver_count;
+        if (setting->rays < 1 && !rays)
+            rays = base->transport.info.rays;
+        ChiaroBakeDesc desc = {.struct_size = sizeof desc, .links = setting->links,
+                               .samples = (uint32_t)((float)samples * setting->samples),
+                               .receivers = (uint32_t)((float)receivers * setting->receivers),
+                               .rays = (uint32_t)((float)rays * setting->rays),
+                               .threads = (uint32_t)report->options.threads, .seed = (uint32_t)report->options.seed};
+        lane->point->bake_s = report_bake(report, bench->scene, &desc, setting->name, &lane->blob, &lane->transport);
+        lane->point->asked_samples = desc.samples, lane->point->asked_receivers = desc.receivers;
+        lane->point->asked_rays = desc.rays;
     }
-    report_must(&bench->device, chiaro_bake(&bench->scene->read.scene, &desc, &lane->blob));
-    report_must(&bench->device, chiaro_transport_open(lane->blob.data, lane->blob.size, &lane->transport, NULL));
-    lane->point->bake_s = report_now() - begin;
-    lane->point->links = setting->links, lane->point->asked_samples = desc.samples;
-    lane->point->asked_receivers = desc.receivers, lane->point->asked_rays = desc.rays;
+    lane->point->links = setting->gi_off ? 0 : lane->transport.info.links;
     lane->point->samples = lane->transport.sample_count, lane->point->receivers = lane->transport.receiver_count;
-    report_tell(report, setting->name, lane->point->bake_s);
+    /* How many come out is the baker's affair: the name tells it. */
+    if (setting->samples < 1)
+        snprintf(lane->point->name, sizeof lane->point->name, "%u samples", lane->point->samples);
+    if (setting->receivers < 1)
+        snprintf(lane->point->name, sizeof lane->point->name, "%u receivers", lane->point->receivers);
 }
 
 static void load_lane(Bench *bench, Lane *lane)
 {
-    lane->chiaro = report_load(&bench->device, &lane->transport, lane->setting->gi_off);
-    ChiaroVulkanStats stats = {.struct_size = sizeof stats};
-    report_must(&bench->device, bench->device.api->stats(lane->chiaro, &stats));
-    lane->point->bytes = (double)stats.gi_bytes;
+    lane->context = report_load(&bench->device, &lane->transport, lane->setting->gi_off, false);
+    lane->point->bytes = (double)report_stats(&bench->device, &lane->context).gi_bytes;
 }
 
 static void set_lights(const Bench *bench, const Lane *lane, const ChiaroLight *lights)
 {
-    report_must(&bench->device, bench->device.api->lights_set(lane->chiaro, lights, bench->scene->light_count));
+    report_light(&bench->device, &lane->context, lights, bench->scene->light_count);
+}
+
+static void set_component(const Bench *bench, const Lane *lane, ChiaroComponent component)
+{
+    report_set(&bench->device, &lane->context, component, lane->setting->gi_off, lane->setting->without);
 }
 
 /* A picture of one component; its pixels are the host's, until the next frame. */
 static ChiaroIoImage show(Bench *bench, Lane *lane, const ChiaroLight *lights, ChiaroComponent component)
 {
-    report_set_component(&bench->device, lane->chiaro, component, lane->setting->gi_off);
+    set_component(bench, lane, component);
     set_lights(bench, lane, lights);
-    report_frame(&bench->device, lane->chiaro, true);
+    report_frame(&bench->device, &lane->context, NULL, true);
     return report_pixels(&bench->device);
 }
 
@@ -262,24 +236,12 @@ static float *update_on_core(Bench *bench, const ChiaroTransport *t, const Chiar
 
 /* ---- times -------------------------------------------------------------------------------------------------------- */
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-ReportTiming report_summarize(double *values, uint32_t count)
-{
-    qsort(values, count, sizeof *values, compare_doubles);
-    return (ReportTiming){values[count / 2], values[(uint64_t)(count - 1) * 95 / 100]};
-}
-
 static void time_lanes(Bench *bench)
 {
     const ReportScene *scene = bench->scene;
     for (uint32_t l = 0; l < bench->lane_count; l++) {
         const Lane *lane = &bench->lanes[l];
-        report_set_component(&bench->device, lane->chiaro, CHIARO_COMPONENT_FULL, lane->setting->gi_off);
+        set_component(bench, lane, CHIARO_COMPONENT_FULL);
         bench->lanes[l].frame_ms = report_alloc(bench->report, bench->frames, sizeof(double));
         bench->lanes[l].update_ms = report_alloc(bench->report, bench->frames, sizeof(double));
     }
@@ -290,7 +252,7 @@ static void time_lanes(Bench *bench)
         for (uint32_t l = 0; l < bench->lane_count; l++) {
             Lane *lane = &bench->lanes[l];
             set_lights(bench, lane, bench->moved);
-            ReportFrame frame = report_frame(&bench->device, lane->chiaro, false);
+            ReportFrame frame = report_frame(&bench->device, &lane->context, NULL, false);
             if (f >= WARM_UP)
                 lane->frame_ms[f - WARM_UP] = frame.all, lane->update_ms[f - WARM_UP] = frame.update;
         }
@@ -304,43 +266,6 @@ static void time_lanes(Bench *bench)
     }
 }
 
-/* Light that is some frames late: pictures of where the lights were against the truth of where they are. */
-static void measure_late_light(Bench *bench)
-{
-    static const uint32_t late[LATE] = {0, 1, 2, 4, 8, 16};
-    ReportScene *scene = bench->scene;
-    const Report *report = bench->report;
-    ReportSeries *series = &scene->late;
-    double begin = report_now();
-    *series = (ReportSeries){.count = scene->light_count ? LATE : 0, .exponent = NAN};
-    snprintf(series->title, sizeof series->title, "Light that is late: lights at %.2g m a frame",
-             (double)(LATE_STEP * bench->size));
-    snprintf(series->x_label, sizeof series->x_label, "frames late");
-    snprintf(series->y_label, sizeof series->y_label, "relRMSE of indirect against the truth of that frame");
-    for (uint32_t moment = 0; moment < MOMENTS && series->count; moment++) {
-        float turn_step = LATE_STEP / (8 * TIMED_CIRCLE), now = 2 * (float)moment, radius = 8 * TIMED_CIRCLE * bench->size;
-        ChiaroReferenceImages images;
-        memcpy(bench->moved, scene->lights, scene->light_count * sizeof *bench->moved);
-        for (uint32_t i = 0; i < scene->light_count; i++)
-            circle_move(&bench->moved[i], radius, now);
-        report_trace(report, scene, &scene->read.scene, bench->moved, &images);
-        ChiaroIoImage truth = {report->options.width, report->options.height, 4, images.pixels[CHIARO_COMPONENT_INDIRECT]};
-        for (uint32_t k = 0; k < LATE; k++) {
-            Metrics metrics;
-            const char *fault;
-            memcpy(bench->moved, scene->lights, scene->light_count * sizeof *bench->moved);
-            for (uint32_t i = 0; i < scene->light_count; i++)
-                circle_move(&bench->moved[i], radius, now - turn_step * (float)late[k]);
-            ChiaroIoImage picture = show(bench, &bench->lanes[0], bench->moved, CHIARO_COMPONENT_INDIRECT);
-            if (!metrics_compare(&picture, &truth, NULL, &metrics, &fault))
-                options_fail(&report->options, CHIARO_EXIT_INPUT, "%s", fault);
-            series->x[k] = late[k], series->y[k] += metrics.relrmse / MOMENTS;
-        }
-        chiaro_reference_free_images(&images);
-    }
-    report_tell(report, "light that is late", report_now() - begin);
-}
-
 /* ---- causes ------------------------------------------------------------------------------------------------------- */
 
 static void add_cause(ReportScene *scene, const char *name, double relrmse)
@@ -348,16 +273,6 @@ static void add_cause(ReportScene *scene, const char *name, double relrmse)
     ReportCause *cause = &scene->causes[scene->cause_count++];
     snprintf(cause->name, sizeof cause->name, "%s", name);
     cause->relrmse = relrmse;
-}
-
-/* relRMSE of one picture against another, both of `t` with these irradiances. */
-static double difference(const Bench *bench, const ChiaroIoImage *a, const ChiaroIoImage *b)
-{
-    Metrics metrics;
-    const char *fault;
-    if (!metrics_compare(a, b, NULL, &metrics, &fault))
-        options_fail(&bench->report->options, CHIARO_EXIT_INPUT, "%s", fault);
-    return metrics.relrmse;
 }
 
 static ChiaroIoImage draw_on_core(const Bench *bench, const ChiaroTransport *t, const float *irradiance)
@@ -378,12 +293,14 @@ static void split_causes(Bench *bench, float *const *irradiance)
     const Lane *chosen = &bench->lanes[0], *most = &bench->lanes[MOST_LINKS];
     const ChiaroTransport *t = &chosen->transport;
     ChiaroReference *reference;
-    double begin = report_now();
+    ReportStep job;
+    report_begin(report, "error by cause", &job);
     report_must(&bench->device, chiaro_reference_create(&scene->read.scene, scene->lights, scene->light_count,
                                                 report->sky.radiance ? &report->sky : NULL, NULL, &reference));
     float *exact = report_alloc(report, 3 * (size_t)t->receiver_count, sizeof *exact);
     double noise = 0, size = 0;
     for (uint32_t r = 0; r < t->receiver_count; r++) {
+        report_continue(&job, (double)r / t->receiver_count);
         ChiaroReferenceIrradiance e = chiaro_reference_irradiance(
             reference, t->receivers[r].position, t->receivers[r].normal, report->quick ? 256 : 1024, 0, r, 1);
         for (uint32_t c = 0; c < 3; c++) {
@@ -394,26 +311,24 @@ static void split_causes(Bench *bench, float *const *irradiance)
     chiaro_reference_destroy(reference);
     ChiaroIoImage right = draw_on_core(bench, t, exact), fitted = draw_on_core(bench, t, irradiance[0]);
     ChiaroIoImage linked = draw_on_core(bench, &most->transport, irradiance[MOST_LINKS]);
-    double step = difference(bench, &linked, &right), grain = size > 0 ? noise / size : 0;
+    double step = report_differ(report, &linked, &right, NULL).relrmse, grain = size > 0 ? noise / size : 0;
     add_cause(scene, "noise of the truth", scene->noise[CHIARO_COMPONENT_INDIRECT]);
     add_cause(scene, "interpolation over receivers (with the truth at each)",
               report_compare(report, scene, &right, CHIARO_COMPONENT_INDIRECT).relrmse);
     /* The truth at the receivers is a little noisy: taken off, for it is known. */
     add_cause(scene, "sampling of the bake (K = 128 against that truth)",
               sqrt(fmax(0, step * step - grain)));
-    add_cause(scene, "compression of the links (default against K = 128)", difference(bench, &fitted, &linked));
+    add_cause(scene, "compression of the links (default against K = 128)",
+              report_differ(report, &fitted, &linked, NULL).relrmse);
     ChiaroIoImage device = show(bench, &bench->lanes[0], scene->lights, CHIARO_COMPONENT_INDIRECT);
-    add_cause(scene, "device against core: shadow maps, storage", difference(bench, &device, &fitted));
-    if (scene->late.count > 2)
-        add_cause(scene, "light two frames late (added to none)",
-                  sqrt(fmax(0, pow(scene->late.y[2], 2) - pow(scene->late.y[0], 2))));
+    add_cause(scene, "device against core: shadow maps, storage", report_differ(report, &device, &fitted, NULL).relrmse);
     add_cause(scene, "all of it, lights at rest",
               report_compare(report, scene, &device, CHIARO_COMPONENT_INDIRECT).relrmse);
     free(exact);
     free(right.pixels);
     free(fitted.pixels);
     free(linked.pixels);
-    report_tell(report, "error by cause", report_now() - begin);
+    report_end(&job);
 }
 
 /* ---- the scene ---------------------------------------------------------------------------------------------------- */
@@ -423,12 +338,15 @@ static void run_sweep(Bench *bench)
     ReportScene *scene = bench->scene;
     float *irradiance[SETTINGS];
     for (uint32_t k = 0; k < SETTINGS; k++) {
+        irradiance[k] = NULL;
+        if (settings[k].without == CHIARO_WITHOUT_SKY_SUN && !bench->report->sky.radiance)
+            continue;
         Lane *lane = &bench->lanes[bench->lane_count++];
         lane->point = report_add_point(bench->report, scene, settings[k].group, settings[k].name);
-        bake_lane(bench, lane, &settings[k], k ? &bench->lanes[0].transport : NULL);
+        bake_lane(bench, lane, &settings[k]);
         load_lane(bench, lane);
         irradiance[k] = update_on_core(bench, &lane->transport, scene->lights, lane->point->cpu_ms);
-        if (settings[k].gi_off)
+        if (settings[k].gi_off || settings[k].without) /* not what was timed */
             memset(lane->point->cpu_ms, 0, sizeof lane->point->cpu_ms);
         ChiaroIoImage full = show(bench, lane, scene->lights, CHIARO_COMPONENT_FULL);
         lane->point->full = report_compare(bench->report, scene, &full, CHIARO_COMPONENT_FULL);
@@ -438,11 +356,11 @@ static void run_sweep(Bench *bench)
         if (k == 0) {
             report_add_picture(bench->report, scene, &scene->truth[CHIARO_COMPONENT_INDIRECT], "truth, indirect");
             report_add_picture(bench->report, scene, &indirect, "default, indirect");
-            add_error_picture(bench->report, scene, &indirect, "default, error");
+            report_add_error_picture(bench->report, scene, &indirect, &scene->truth[CHIARO_COMPONENT_INDIRECT],
+                                     "default, error");
         }
     }
     time_lanes(bench);
-    measure_late_light(bench);
     split_causes(bench, irradiance);
     for (uint32_t k = 0; k < SETTINGS; k++)
         free(irradiance[k]);
@@ -475,10 +393,13 @@ void report_scene(Report *report, ReportScene *scene)
     bench.size = vec3_length(vec3_sub(high, low)) / sqrtf(3);
     run_sweep(&bench);
     report_baselines(report, scene, &bench.lanes[0].transport, rays);
-    report_objects(report, scene, &bench.device, &bench.lanes[0].transport);
     report_find_front(scene);
+    report_write(report);
+    report_objects(report, scene, &bench.device, &bench.lanes[0].transport, bench.size);
+    report_write(report);
+    report_motion(report, scene, &bench.device, &bench.lanes[0].transport, rays, bench.size);
     for (uint32_t l = 0; l < bench.lane_count; l++) {
-        bench.device.api->destroy(bench.lanes[l].chiaro);
+        report_unload(&bench.device, &bench.lanes[l].context);
         chiaro_blob_free(&bench.lanes[l].blob);
     }
     report_device_close(&bench.device);

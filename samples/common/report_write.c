@@ -9,16 +9,25 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { LINE = 4096, COLUMNS = 25 };
+enum { LINE = 4096, MOST_RECEIVERS = 1 << 24, TEXTS = 3 /* columns of words, before those of numbers */ };
+/* Those that are read again, where they stand. */
+enum { COLUMN_WIDTH = 0, COLUMN_HEIGHT = 1, COLUMN_LINKS = 2, COLUMN_ASKED_SAMPLES = 5, COLUMN_ASKED_RECEIVERS = 6,
+       COLUMN_ASKED_RAYS = 7, COLUMN_FRAME_MS = 10, COLUMN_INDIRECT = 18, COLUMN_FRONT = 34, COLUMN_CHOSEN = 35, COLUMNS };
+
+/* Settings that a renderer is told, other than ideas taken out to see what they do. */
+static bool is_choice(const ReportPoint *p)
+{
+    return p->frame.median > 0 && (strcmp(p->group, "features") != 0 || p->links == 0);
+}
 
 void report_find_front(ReportScene *scene)
 {
     for (uint32_t i = 0; i < scene->point_count; i++) {
         ReportPoint *p = &scene->points[i];
-        p->front = p->frame.median > 0;
+        p->front = is_choice(p);
         for (uint32_t k = 0; k < scene->point_count; k++) {
             const ReportPoint *q = &scene->points[k];
-            bool better = q->frame.median > 0 && q->frame.median <= p->frame.median &&
+            bool better = is_choice(q) && q->frame.median <= p->frame.median &&
                           q->indirect.relrmse <= p->indirect.relrmse &&
                           (q->frame.median < p->frame.median || q->indirect.relrmse < p->indirect.relrmse);
             p->front = p->front && !better;
@@ -26,12 +35,19 @@ void report_find_front(ReportScene *scene)
     }
 }
 
+double report_frame_ms(const ReportScene *scene, const ReportPoint *point)
+{
+    /* What the defaults for objects add to the frame of the default bake, they add to every other. */
+    double more = scene->object_count ? scene->objects[0].frame.median - scene->points[0].frame.median : 0;
+    return point->frame.median + fmax(0, more);
+}
+
 const ReportPoint *report_suggest(const ReportScene *scene, double budget_ms)
 {
     const ReportPoint *best = NULL;
     for (uint32_t i = 0; i < scene->point_count; i++) {
         const ReportPoint *p = &scene->points[i];
-        if (p->front && p->frame.median <= budget_ms && (!best || p->indirect.relrmse < best->indirect.relrmse))
+        if (p->front && report_frame_ms(scene, p) <= budget_ms && (!best || p->indirect.relrmse < best->indirect.relrmse))
             best = p;
     }
     return best;
@@ -69,18 +85,20 @@ typedef struct Column {
 
 static double known(double value) { return value >= 0 ? value : NAN; }
 
-static void columns_of(const ReportPoint *p, double noise, Column columns[COLUMNS])
+static void columns_of(const Report *report, const ReportPoint *p, double noise, Column columns[COLUMNS])
 {
     const Column all[COLUMNS] = {
-        {"links", p->links},
+        [COLUMN_WIDTH] = {"width", report->options.width},
+        [COLUMN_HEIGHT] = {"height", report->options.height},
+        [COLUMN_LINKS] = {"links", p->links},
         {"samples", p->samples},
         {"receivers", p->receivers},
-        {"asked_samples", p->asked_samples},
-        {"asked_receivers", p->asked_receivers},
-        {"asked_rays", p->asked_rays},
+        [COLUMN_ASKED_SAMPLES] = {"asked_samples", p->asked_samples},
+        [COLUMN_ASKED_RECEIVERS] = {"asked_receivers", p->asked_receivers},
+        [COLUMN_ASKED_RAYS] = {"asked_rays", p->asked_rays},
         {"bake_s", p->bake_s},
         {"bytes", p->bytes},
-        {"frame_ms", known(p->frame.median)},
+        [COLUMN_FRAME_MS] = {"frame_ms", known(p->frame.median)},
         {"frame_p95_ms", known(p->frame.p95)},
         {"update_ms", known(p->update.median)},
         {"update_p95_ms", known(p->update.p95)},
@@ -88,23 +106,47 @@ static void columns_of(const ReportPoint *p, double noise, Column columns[COLUMN
         {"core_mean_ms", p->cpu_ms[1] + p->cpu_ms[3]},
         {"core_gather_samples_ms", p->cpu_ms[2]},
         {"core_gather_receivers_ms", p->cpu_ms[4]},
-        {"indirect_relrmse", p->indirect.relrmse},
+        [COLUMN_INDIRECT] = {"indirect_relrmse", p->indirect.relrmse},
         {"indirect_mean_ratio", p->indirect.mean_ratio},
         {"indirect_p99", p->indirect.p99},
         {"full_relrmse", p->full.relrmse},
         {"full_mean_ratio", p->full.mean_ratio},
         {"full_p99", p->full.p99},
+        {"objects_relrmse", p->objects.relrmse},
+        {"objects_mean_ratio", p->objects.mean_ratio},
+        {"objects_p99", p->objects.p99},
+        {"rest_relrmse", p->rest},
+        {"changed_relrmse", p->changed},
+        {"age_frames", p->age},
+        {"asked_cubes", p->asked_cubes},
+        {"asked_edge", p->asked_edge},
+        {"asked_format", p->asked_format},
         {"truth_noise", noise},
-        {"front", p->front},
-        {"chosen", p->chosen},
+        [COLUMN_FRONT] = {"front", p->front},
+        [COLUMN_CHOSEN] = {"chosen", p->chosen},
     };
     memcpy(columns, all, sizeof all);
 }
 
-/* Settings of the static scene, then those of objects. */
+/* Settings of the static scene, then those of objects, then motion. */
+static uint32_t points_of(const ReportScene *scene)
+{
+    return scene->point_count + scene->object_count + scene->motion_count;
+}
+
 static const ReportPoint *point_of(const ReportScene *scene, uint32_t i)
 {
-    return i < scene->point_count ? &scene->points[i] : &scene->objects[i - scene->point_count];
+    uint32_t moving = scene->point_count + scene->object_count;
+    return i < scene->point_count ? &scene->points[i]
+           : i < moving           ? &scene->objects[i - scene->point_count]
+                                  : &scene->motion[i - moving];
+}
+
+static double noise_of(const ReportScene *scene, const ReportPoint *p)
+{
+    return strcmp(p->group, "motion") == 0    ? scene->motion_noise
+           : strcmp(p->group, "objects") == 0 ? scene->moment_noise
+                                              : scene->noise[CHIARO_COMPONENT_INDIRECT];
 }
 
 static void put_csv_text(FILE *file, const char *text)
@@ -121,16 +163,16 @@ static void put_csv_text(FILE *file, const char *text)
 static void write_csv(FILE *file, const Report *report)
 {
     Column columns[COLUMNS];
-    columns_of(&report->scenes[0].points[0], 0, columns);
+    columns_of(report, &report->scenes[0].points[0], 0, columns);
     fputs("scene,group,name", file);
     for (uint32_t k = 0; k < COLUMNS; k++)
         fprintf(file, ",%s", columns[k].name);
     fputc('\n', file);
     for (uint32_t s = 0; s < report->scene_count; s++) {
         const ReportScene *scene = &report->scenes[s];
-        for (uint32_t i = 0; i < scene->point_count + scene->object_count; i++) {
+        for (uint32_t i = 0; i < points_of(scene); i++) {
             const ReportPoint *p = point_of(scene, i);
-            columns_of(p, scene->noise[CHIARO_COMPONENT_INDIRECT], columns);
+            columns_of(report, p, noise_of(scene, p), columns);
             put_csv_text(file, scene->input);
             fputc(',', file);
             put_csv_text(file, p->group);
@@ -146,12 +188,14 @@ static void write_csv(FILE *file, const Report *report)
     }
 }
 
-static void write_series(FILE *file, const ReportSeries *series, const char **comma)
+static void write_series(FILE *file, const char *scene, const ReportSeries *series, const char **comma)
 {
     for (uint32_t k = 0; k < series->count; k++) {
         fputs(*comma, file);
         Json json = json_begin(file);
+        json_text(&json, "scene", scene);
         json_text(&json, "series", series->title);
+        json_text(&json, "name", series->name);
         json_text(&json, "x_label", series->x_label);
         json_text(&json, "y_label", series->y_label);
         json_number(&json, "x", series->x[k]);
@@ -177,10 +221,10 @@ static void write_json(FILE *file, const Report *report)
     fputs(", \"points\": [", file);
     for (uint32_t s = 0; s < report->scene_count; s++) {
         const ReportScene *scene = &report->scenes[s];
-        for (uint32_t i = 0; i < scene->point_count + scene->object_count; i++) {
+        for (uint32_t i = 0; i < points_of(scene); i++) {
             const ReportPoint *p = point_of(scene, i);
             fputs(comma, file);
-            columns_of(p, scene->noise[CHIARO_COMPONENT_INDIRECT], columns);
+            columns_of(report, p, noise_of(scene, p), columns);
             json = json_begin(file);
             json_text(&json, "scene", scene->input);
             json_text(&json, "group", p->group);
@@ -206,10 +250,15 @@ static void write_json(FILE *file, const Report *report)
     }
     fputs("], \"series\": [", file);
     comma = "";
-    for (uint32_t s = 0; s < report->scene_count; s++)
-        write_series(file, &report->scenes[s].late, &comma);
+    for (uint32_t s = 0; s < report->scene_count; s++) {
+        const ReportScene *scene = &report->scenes[s];
+        for (uint32_t k = 0; k < REPORT_SPEEDS; k++)
+            write_series(file, scene->input, &scene->budgets[k], &comma);
+        for (uint32_t k = 0; k < REPORT_BUDGETS; k++)
+            write_series(file, scene->input, &scene->frames[k], &comma);
+    }
     for (uint32_t k = 0; k < report->series_count; k++)
-        write_series(file, &report->series[k], &comma);
+        write_series(file, report->scenes[0].input, &report->series[k], &comma);
     fputs("]}\n", file);
 }
 
@@ -250,31 +299,81 @@ static char *next_field(char **line)
     return begin;
 }
 
-bool report_read_choice(const char *path, double budget_ms, ReportPoint *choice, const char **fault)
+/* What a line says, by the names in the first one. */
+typedef struct Line {
+    char *texts[TEXTS];
+    double numbers[COLUMNS];
+} Line;
+
+static bool read_line(FILE *file, char buffer[LINE], Line *line)
 {
-    char line[LINE];
-    FILE *file = fopen(path, "rb");
-    bool found = false;
-    *fault = "cannot be read, or holds no choice that fits the budget";
-    while (file && fgets(line, sizeof line, file)) {
-        char *at = line, *fields[3 + COLUMNS];
-        uint32_t count = 0;
-        while (count < 3 + COLUMNS && (fields[count] = next_field(&at)))
-            count++;
-        if (count < 3 + COLUMNS)
-            continue;
-        ReportPoint point = {.links = (uint32_t)strtoul(fields[3], NULL, 10),
-                             .asked_samples = (uint32_t)strtoul(fields[6], NULL, 10),
-                             .asked_receivers = (uint32_t)strtoul(fields[7], NULL, 10),
-                             .asked_rays = (uint32_t)strtoul(fields[8], NULL, 10)};
-        point.frame.median = strtod(fields[11], NULL), point.indirect.relrmse = strtod(fields[19], NULL);
-        bool sane = point.links >= 1 && point.links <= CHIARO_MAX_LINKS && point.asked_samples <= CHIARO_MAX_SAMPLES &&
-                    point.asked_receivers <= 1u << 24 && point.asked_rays <= CHIARO_MAX_RAYS;
-        if (sane && point.frame.median > 0 && point.frame.median <= budget_ms &&
-            (!found || point.indirect.relrmse < choice->indirect.relrmse))
-            *choice = point, found = true;
+    char *at = buffer, *field;
+    uint32_t count = 0;
+    if (!fgets(buffer, LINE, file))
+        return false;
+    *line = (Line){{NULL}, {0}};
+    for (; count < TEXTS + COLUMNS && (field = next_field(&at)); count++) {
+        if (count < TEXTS)
+            line->texts[count] = field;
+        else
+            line->numbers[count - TEXTS] = strtod(field, NULL);
     }
+    return count == TEXTS + COLUMNS;
+}
+
+/* A whole number in a range; `most` + 1: it is none. */
+static uint32_t whole(double value, uint32_t most) { return value >= 0 && value <= most ? (uint32_t)value : most + 1; }
+
+static const char *file_name(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash ? slash + 1 : path;
+}
+
+/* A row as a point; false: numbers that nobody can ask a baker for. */
+static bool read_point(const Line *line, ReportPoint *point)
+{
+    const double *n = line->numbers;
+    *point = report_new_point(line->texts[1], line->texts[2]);
+    point->links = whole(n[COLUMN_LINKS], CHIARO_MAX_LINKS);
+    point->asked_samples = whole(n[COLUMN_ASKED_SAMPLES], CHIARO_MAX_SAMPLES);
+    point->asked_receivers = whole(n[COLUMN_ASKED_RECEIVERS], MOST_RECEIVERS);
+    point->asked_rays = whole(n[COLUMN_ASKED_RAYS], CHIARO_MAX_RAYS);
+    point->frame.median = n[COLUMN_FRAME_MS], point->indirect.relrmse = n[COLUMN_INDIRECT];
+    point->front = n[COLUMN_FRONT] > 0, point->chosen = n[COLUMN_CHOSEN] > 0;
+    return point->links <= CHIARO_MAX_LINKS && point->asked_samples <= CHIARO_MAX_SAMPLES &&
+           point->asked_receivers <= MOST_RECEIVERS && point->asked_rays <= CHIARO_MAX_RAYS &&
+           isfinite(point->frame.median) && point->indirect.relrmse >= 0;
+}
+
+bool report_read_choice(const char *path, const ReportPlace *place, double budget_ms, ReportPoint *choice,
+                        const char **fault)
+{
+    char buffer[LINE];
+    Line line;
+    ReportPoint point;
+    ReportScene *scene = calloc(1, sizeof *scene);
+    FILE *file = fopen(path, "rb");
+    bool ours = file && scene && read_line(file, buffer, &line) && strcmp(line.texts[0], "scene") == 0;
+    *fault = !file ? "cannot be read" : ours ? "says nothing about this scene" : "is no report.csv of chiaro-report";
+    while (ours && read_line(file, buffer, &line)) {
+        if (strcmp(file_name(line.texts[0]), file_name(place->input)) != 0 || !read_point(&line, &point))
+            continue;
+        if (line.numbers[COLUMN_WIDTH] != place->width || line.numbers[COLUMN_HEIGHT] != place->height) {
+            *fault = "was measured at another --size";
+            continue;
+        }
+        *fault = "holds no settings that fit the budget";
+        if (strcmp(point.group, "objects") != 0 && strcmp(point.group, "motion") != 0 && scene->point_count < REPORT_POINTS)
+            scene->points[scene->point_count++] = point;
+        else if (strcmp(point.group, "objects") == 0 && point.chosen)
+            scene->objects[0] = point, scene->object_count = 1;
+    }
+    const ReportPoint *best = scene ? report_suggest(scene, budget_ms) : NULL;
+    if (best)
+        *choice = *best;
     if (file)
         fclose(file);
-    return found;
+    free(scene);
+    return best != NULL;
 }

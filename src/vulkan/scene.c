@@ -339,6 +339,8 @@ static void fill_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTransp
     chiaro_links_fill(&transport->sample_links, &state->sample_links, &links);
     chiaro_links_fill(&transport->receiver_links, &state->receiver_links, &links);
     put(context, upload, state->points, transport->points);
+    if (context->desc.sliced) /* it is shown before a first pass has ended: dark */
+        context->vk.CmdFillBuffer(upload->commands, state->irradiance.buffer, 0, VK_WHOLE_SIZE, 0);
     /* Second vertices of a receiver have its row. */
     uint32_t *rows = links.rows + 2 * (size_t)state->receiver_links.first_row;
     for (uint32_t v = 0; state->places && v < transport->vertex_count; v++)
