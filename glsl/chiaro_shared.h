@@ -92,12 +92,6 @@ CHIARO_STRUCT(ChiaroGpuObject)
     CHIARO_UVEC4(info); /* slot of its first cube; unused */
 };
 
-/* What all cubes share. */
-CHIARO_STRUCT(ChiaroGpuCubes)
-{
-    CHIARO_UVEC4(shape); /* edge, format, words a cube; unused */
-};
-
 /* ChiaroWorldBlocker, in words: processors that fetch them one by one take no more than they need. */
 #define CHIARO_BLOCKER_WORDS 32u
 #define CHIARO_BLOCKER_RADIUS 3u
@@ -116,6 +110,14 @@ CHIARO_STRUCT(ChiaroGpuGrid)
     CHIARO_UVEC4(count); /* cells along each axis; unused */
     CHIARO_VEC4(range);  /* edge of a cell, largest distance of a centre, largest radius; unused */
     CHIARO_UVEC4(first); /* where in the array its cells begin, and its entries; unused */
+};
+
+/* What all objects share. */
+CHIARO_STRUCT(ChiaroGpuShape)
+{
+    CHIARO_UVEC4(cubes); /* edge, format, words a cube; unused */
+    ChiaroGpuGrid near;
+    ChiaroGpuGrid far;
 };
 
 /* Push constants of the forward pass: the view, then what changes from part to part. */

@@ -149,10 +149,11 @@ ChiaroResult chiaro_layouts_create(ChiaroVulkan *context);
 VkSampler chiaro_sampler_create(ChiaroVulkan *context, Arena *arena, VkFilter filter, VkSamplerAddressMode u,
                                 VkSamplerAddressMode v);
 VkDescriptorPool chiaro_pool_create(ChiaroVulkan *context, Arena *arena, uint32_t sets, uint32_t buffers,
-                                    uint32_t images, uint32_t texels);
+                                    uint32_t images, uint32_t texels, uint32_t uniforms);
 VkDescriptorSet chiaro_set_create(ChiaroVulkan *context, Arena *arena, VkDescriptorPool pool,
                                   VkDescriptorSetLayout layout);
-void chiaro_set_buffer(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer);
+void chiaro_set_buffer(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer,
+                       VkDescriptorType type);
 /* A buffer as texels, by a view that the arena keeps. */
 void chiaro_set_texels(ChiaroVulkan *context, Arena *arena, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer,
                        VkFormat format);
@@ -272,8 +273,8 @@ void chiaro_sky_release(ChiaroVulkan *context);
 
 /* ---- objects.c ---------------------------------------------------------------------------------------------------- */
 
-/* Bindings of the set of objects: chiaro.glsl, CHIARO_OBJECT_SET. */
-enum { OBJECT_BINDINGS = 6 };
+/* Bindings of the set of objects: chiaro.glsl, CHIARO_OBJECT_SET. Those that are read as texels come first. */
+enum { OBJECT_TEXELS = 5, OBJECT_BINDINGS };
 
 /* The runs of draw parts that a mesh is. */
 typedef struct ObjectMesh {
@@ -305,7 +306,9 @@ typedef struct ObjectsState {
     SceneState meshes;
     Arena *arena, *read_arena; /* the second: memory that the host reads */
     bool has_gi;
-    DeviceBuffer instances, vertices, scale_buffer, cube_buffer, blockers, grid, read_back;
+    DeviceBuffer instances, vertices, scale_buffer, cube_buffer, blockers, grid, shape_buffer, read_back;
+    ChiaroGpuShape shape; /* as the device has it, or shall have */
+    bool shape_due;
     VkDescriptorSet set;
     ObjectMesh *meshes_by_number;
     uint32_t mesh_count, capacity, slot_count;
@@ -324,7 +327,7 @@ typedef struct ObjectsState {
     bool show_changed, blockers_due;
     uint32_t painted_room;
     uint64_t upload_bytes, bytes, revision;
-    bool info_written, grid_written;
+    bool scales_written, grid_written;
     float grid_low[3], grid_high[3]; /* of what is written */
     bool light_due;      /* the world's light is not that of the device */
     uint64_t read_frame; /* in which it was copied for the host; 0: none is under way */
@@ -396,7 +399,8 @@ struct ChiaroVulkan {
     SkyState sky;
     ObjectsState objects;
     BounceState bounce;
-    Arena *forward_arena; /* pipelines that settings are compiled into */
+    Arena *forward_arena; /* pipelines that settings are compiled into, and how objects' cubes are stored */
+    uint32_t cube_edge, cube_format;
     Arena *pipeline_arena; /* the others */
     Pipeline forward[FORWARD_KINDS][SURFACE_KINDS], forward_objects[FORWARD_KINDS][SURFACE_KINDS];
     Pipeline sky_background, gi[GI_PASSES], shadow[SHADOW_KINDS];

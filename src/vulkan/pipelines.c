@@ -78,13 +78,13 @@ ChiaroResult chiaro_layouts_create(ChiaroVulkan *context)
     const VkShaderStageFlags fragment = VK_SHADER_STAGE_FRAGMENT_BIT, compute = VK_SHADER_STAGE_COMPUTE_BIT;
     const VkShaderStageFlags any = VK_SHADER_STAGE_VERTEX_BIT | fragment | compute; /* hosts bind them too */
     const VkDescriptorType buffer = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, image = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
-                           texels = VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER;
+                           texels = VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, uniform = VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
     VkDescriptorSetLayoutBinding lights[] = {{0, buffer, 1, any, NULL}, {1, image, 1, any, NULL}, {2, image, 1, any, NULL}};
     VkDescriptorSetLayoutBinding textures[] = {{0, image, 1, fragment, NULL}, {1, image, 1, fragment, NULL}};
     VkDescriptorSetLayoutBinding irradiance[] = {{0, texels, 1, any, NULL}};
     VkDescriptorSetLayoutBinding objects[OBJECT_BINDINGS], gi[GI_BINDINGS];
     for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
-        objects[i] = (VkDescriptorSetLayoutBinding){i, texels, 1, any, NULL};
+        objects[i] = (VkDescriptorSetLayoutBinding){i, i < OBJECT_TEXELS ? texels : uniform, 1, any, NULL};
     for (uint32_t i = 0; i < GI_BINDINGS; i++)
         gi[i] = (VkDescriptorSetLayoutBinding){i, i < GI_TEXELS ? texels : buffer, 1, compute, NULL};
     Layouts *layouts = &context->layouts;
@@ -122,12 +122,12 @@ VkSampler chiaro_sampler_create(ChiaroVulkan *context, Arena *arena, VkFilter fi
 }
 
 VkDescriptorPool chiaro_pool_create(ChiaroVulkan *context, Arena *arena, uint32_t sets, uint32_t buffers,
-                                    uint32_t images, uint32_t texels)
+                                    uint32_t images, uint32_t texels, uint32_t uniforms)
 {
     VkDescriptorPool pool = VK_NULL_HANDLE;
     if (arena->result != CHIARO_OK)
         return pool;
-    VkDescriptorPoolSize sizes[3];
+    VkDescriptorPoolSize sizes[4];
     uint32_t count = 0;
     if (buffers > 0)
         sizes[count++] = (VkDescriptorPoolSize){VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, buffers};
@@ -135,6 +135,8 @@ VkDescriptorPool chiaro_pool_create(ChiaroVulkan *context, Arena *arena, uint32_
         sizes[count++] = (VkDescriptorPoolSize){VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, images};
     if (texels > 0)
         sizes[count++] = (VkDescriptorPoolSize){VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, texels};
+    if (uniforms > 0)
+        sizes[count++] = (VkDescriptorPoolSize){VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, uniforms};
     VkDescriptorPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO,
                                        .maxSets = sets,
                                        .poolSizeCount = count,
@@ -162,14 +164,15 @@ VkDescriptorSet chiaro_set_create(ChiaroVulkan *context, Arena *arena, VkDescrip
     return set;
 }
 
-void chiaro_set_buffer(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer)
+void chiaro_set_buffer(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer,
+                       VkDescriptorType type)
 {
     VkDescriptorBufferInfo info = {buffer.buffer, 0, VK_WHOLE_SIZE};
     VkWriteDescriptorSet write = {.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
                                   .dstSet = set,
                                   .dstBinding = binding,
                                   .descriptorCount = 1,
-                                  .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                                  .descriptorType = type,
                                   .pBufferInfo = &info};
     context->vk.UpdateDescriptorSets(context->desc.device, 1, &write, 0, NULL);
 }
@@ -335,13 +338,18 @@ static VkPipeline create_graphics(ChiaroVulkan *context, Arena *arena, const Gra
 typedef struct ForwardConstants {
     uint32_t component;
     VkBool32 tone_map, masked, sky_sun, pieces;
+    uint32_t cube_edge, cube_format;
 } ForwardConstants;
 
-static const VkSpecializationMapEntry forward_entries[5] = {{0, offsetof(ForwardConstants, component), 4},
-                                                            {1, offsetof(ForwardConstants, tone_map), 4},
-                                                            {2, offsetof(ForwardConstants, masked), 4},
-                                                            {3, offsetof(ForwardConstants, sky_sun), 4},
-                                                            {4, offsetof(ForwardConstants, pieces), 4}};
+enum { FORWARD_CONSTANTS = 7 };
+static const VkSpecializationMapEntry forward_entries[FORWARD_CONSTANTS] = {
+    {0, offsetof(ForwardConstants, component), 4},
+    {1, offsetof(ForwardConstants, tone_map), 4},
+    {2, offsetof(ForwardConstants, masked), 4},
+    {3, offsetof(ForwardConstants, sky_sun), 4},
+    {4, offsetof(ForwardConstants, pieces), 4},
+    {5, offsetof(ForwardConstants, cube_edge), 4},
+    {6, offsetof(ForwardConstants, cube_format), 4}};
 
 /* Vertices of what stays: with the irradiance of each. Of objects: with what their bake says. */
 enum { VERTEX_ATTRIBUTES = 5, STILL_ATTRIBUTES = 1, OBJECT_ATTRIBUTES = 4 };
@@ -380,8 +388,8 @@ static Pipeline create_forward(ChiaroVulkan *context, Arena *arena, uint32_t lig
                                                   .pVertexAttributeDescriptions = attributes};
     ForwardConstants constants = {context->settings.component, context->settings.tone_map,
                                   (surface & SURFACE_MASKED) != 0, (lighting & FORWARD_SUN) != 0,
-                                  (lighting & FORWARD_PIECES) != 0};
-    VkSpecializationInfo specialization = {5, forward_entries, sizeof constants, &constants};
+                                  (lighting & FORWARD_PIECES) != 0, context->cube_edge, context->cube_format};
+    VkSpecializationInfo specialization = {FORWARD_CONSTANTS, forward_entries, sizeof constants, &constants};
     Pipeline made = {create_layout(context, arena, 4, sets, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT,
                                    sizeof(ChiaroForwardPush)),
                      VK_NULL_HANDLE};
@@ -442,8 +450,8 @@ static Pipeline create_shadow(ChiaroVulkan *context, Arena *arena, uint32_t kind
 static Pipeline create_background(ChiaroVulkan *context, Arena *arena)
 {
     VkPipelineVertexInputStateCreateInfo input = {.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO};
-    ForwardConstants constants = {0, context->settings.tone_map, VK_FALSE, VK_FALSE, VK_FALSE};
-    VkSpecializationInfo specialization = {5, forward_entries, sizeof constants, &constants};
+    ForwardConstants constants = {.tone_map = context->settings.tone_map};
+    VkSpecializationInfo specialization = {FORWARD_CONSTANTS, forward_entries, sizeof constants, &constants};
     Pipeline made = {create_layout(context, arena, 1, &context->layouts.sky,
                                    VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, sizeof(ChiaroSkyPush)),
                      VK_NULL_HANDLE};
