@@ -466,21 +466,13 @@ uint chiaro_cell_word(uint word)
     return texelFetch(chiaro_cells, int(word)).x;
 }
 
-/* Form factor of a sphere. Twin of chiaro_sphere_form. */
+/* Form factor of a ball. Twin of lanes_ball_forms in src/core/lanes_ball.h: every way through a branch would be taken. */
 float chiaro_sphere_form(vec3 way, vec3 normal, float radius)
 {
-    float away = length(way), cosine = clamp(dot(normal, way) / max(away, 1e-20), -1, 1);
-    if (away <= radius)
-        return (1 + cosine) / 2;
-    float ratio = min(radius / away, 1); /* quotients and roots are not exact everywhere */
-    if (cosine >= ratio)
-        return ratio * ratio * cosine;
-    if (cosine <= -ratio)
-        return 0;
-    /* Across the horizon (Howell's catalogue, B-19). */
-    float sine = sqrt(max(1 - cosine * cosine, 1e-12)), x = sqrt((1 - ratio) * (1 + ratio)) / ratio;
-    float y = clamp(-x * cosine / sine, -1, 1), root = sqrt(max(1 - y * y, 0));
-    return max(0, (ratio * ratio * (cosine * acos(y) - x * sine * root) + atan(sine * root / max(x, 1e-12))) / chiaro_pi);
+    float ratio = radius * inversesqrt(max(dot(way, way), radius * radius)), square = ratio * ratio;
+    float height = dot(normal, way) / radius, u = clamp(height, -1, 1), v = u * u, h = sqrt(max(0, 1 - square));
+    float rim = ratio * (0.5 + 0.5 * u) - (1 - v) * CHIARO_BALL_FIT(v, h);
+    return square * (max(0, rim) + ratio * max(0, height - 1));
 }
 
 /* Angle under which an edge is seen, times the cosine of its plane's normal: Lambert's sum over edges. */
