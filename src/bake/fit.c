@@ -27,10 +27,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { COLUMN_CHUNK = 256, LEAF_STEP = 8, MOST_FIXED = 2, EVEN_COLUMNS = 64, LEAST_BLOCK = 4, LEAST_NODES = 8 };
+enum { COLUMN_CHUNK = 256, LEAF_STEP = 8, MOST_FIXED = 2, EVEN_COLUMNS = 64, LEAST_BLOCK = 16, LEAST_NODES = 8 };
 
 /* Part of the light at the receivers' leaves that is of no pattern. What samples receive after many bounces is smooth. */
-static const double LOOSE = 0.3;
+static const double LOOSE = 0.15;
 /* Products of light are this exact, being sums of floats. */
 static const double ROUNDING = 1e-6;
 /* Weights are this free: as a part of themselves plus a part of the mean weight. */

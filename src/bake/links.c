@@ -13,7 +13,7 @@
 
 /* What patterns may miss of the light of a run of rows before it is cut (relRMSE): smaller blocks have fewer nodes. What
  * the samples' links miss is spread by one more gather, so they may miss more. */
-static const float SAMPLE_TOLERANCE = 0.4f, RECEIVER_TOLERANCE = 0.05f;
+static const float SAMPLE_TOLERANCE = 0.4f, RECEIVER_TOLERANCE = 0.1f;
 
 /* Form factors of samples tell how light spreads bounce by bounce; a lamp close to a wall was seldom taught. */
 static const double SAMPLE_NOISE = 0.5, RECEIVER_NOISE = 0.15;

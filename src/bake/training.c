@@ -4,8 +4,9 @@
  * wide and narrow lobes where the scene is open, the emitters as they are, all lamps at once, and a uniform field, which is
  * the energy that a row keeps. Light is linear, so a lamp needs only one colour channel: channels take turns.
  *
- * A lamp close to a wall lights it as no lamp elsewhere does, so that a receiver asks for more lamps than can be solved for
- * exactly. Of more lamps, the bounces are taken from the samples' links: where links are wrong, so is what they get.
+ * A lamp close to a wall lights it as no lamp elsewhere does, so that a receiver asks for more lights than can be solved for
+ * exactly. Of more of them, in the same mixture, the bounces are taken from the samples' links: where links are wrong, so
+ * is what they get.
  */
 #include "../core/samples.h"
 #include "../offline/parallel.h"
@@ -16,11 +17,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LEAST_SUNS = 16, MORE_SUNS = 80, LEAST_SKIES = 16, MORE_SKIES = 752, LEAST_LAMPS = 1536, MOST_LAMPS = 2048,
-       MORE_BATCHES = 8 };
+enum { LEAST_LIGHTS = 1536, MOST_LIGHTS = 2048, MORE_BATCHES = 8 };
+/* Of the lights of a scene that is open: suns, skies; the least of either. */
+static const float SUNS = 0.04f, SKIES = 0.37f, LEAST_PART = 0.008f;
 static const double MORE_BYTES = 800e6;
 /* A scene this open is taught all suns and skies. */
 static const float OPEN = 0.5f;
+
+/* How many lights of each kind. */
+typedef struct Mix {
+    uint32_t lamps, suns, skies;
+} Mix;
 
 typedef struct Training {
     Baker *baker;
@@ -57,19 +64,20 @@ static bool free_place(const Baker *baker, ChiaroRandom *random, float *position
     return true;
 }
 
-static void choose_lamps(Training *training, uint32_t lamps, uint32_t suns, uint64_t stream)
+static void choose_lamps(Training *training, const Mix *mix, uint64_t stream)
 {
     ChiaroRandom random = chiaro_random_seed(training->baker->desc.seed, stream);
-    uint32_t tries = 64 * lamps;
+    uint32_t tries = 64 * mix->lamps;
     training->lamp_count = 0;
-    while (training->lamp_count < lamps && tries--) {
+    while (training->lamp_count < mix->lamps && tries--) {
         ChiaroLight *lamp = &training->lamps[training->lamp_count];
         *lamp = (ChiaroLight){.type = CHIARO_LIGHT_POINT, .intensity = {1, 1, 1}};
         training->lamp_count += free_place(training->baker, &random, lamp->position);
     }
-    for (uint32_t s = 0; s < suns; s++) {
+    float turn = 2 * CHIARO_PI * chiaro_random_float(&random);
+    for (uint32_t s = 0; s < mix->suns; s++) {
         /* Fibonacci's sphere: even all over. */
-        float y = 1 - (2 * (float)s + 1) / (float)suns, r = sqrtf(1 - y * y), phi = 2.39996323f * (float)s;
+        float y = 1 - (2 * (float)s + 1) / (float)mix->suns, r = sqrtf(1 - y * y), phi = turn + 2.39996323f * (float)s;
         ChiaroLight *sun = &training->lamps[training->lamp_count++];
         *sun = (ChiaroLight){.type = CHIARO_LIGHT_SUN, .direction = {r * cosf(phi), y, r * sinf(phi)}};
         sun->intensity[0] = sun->intensity[1] = sun->intensity[2] = 1;
@@ -126,9 +134,10 @@ static uint32_t light_all_lamps(const Training *training, uint32_t next)
 }
 
 /* A sky of one lobe over a plain ground, of random width; those of one channel come from evenly all sides. */
-static void paint_skies(Baker *baker, uint32_t first, uint32_t count)
+static void paint_skies(const Training *training, uint32_t first, uint32_t count, uint64_t stream)
 {
-    ChiaroRandom random = chiaro_random_seed(baker->desc.seed, 0x5e7);
+    const Baker *baker = training->baker;
+    ChiaroRandom random = chiaro_random_seed(baker->desc.seed, stream);
     for (uint32_t t = first; t < first + count; t++) {
         float y = 2 * ((float)(t - first) + chiaro_random_float(&random)) / (float)count - 1, r = sqrtf(1 - y * y);
         float phi = 2 * CHIARO_PI * chiaro_random_float(&random);
@@ -136,7 +145,7 @@ static void paint_skies(Baker *baker, uint32_t first, uint32_t count)
         float width = powf(300, chiaro_random_float(&random)), plain = t % 4 ? 0 : chiaro_random_float(&random);
         for (uint32_t s = 0; s < baker->sky_count; s++) {
             float cosine = vec3_dot(vec3_load(baker->sky_directions + 4 * s), center);
-            baker->direct[(size_t)(baker->sample_count + s) * baker->columns + t] =
+            training->direct[(size_t)(baker->sample_count + s) * training->columns + t] =
                 plain + width * expf(width * (cosine - 1));
         }
     }
@@ -159,6 +168,18 @@ static float openness(const Baker *baker)
     return (float)(seen / baker->patches.area);
 }
 
+/* Links that serve the sky are missing for lamps: where little sky is seen, suns and skies are few. */
+static Mix mix_lights(const Baker *baker, uint32_t count)
+{
+    if (!baker->info.sky_seen)
+        return (Mix){.lamps = count};
+    float part = fminf(1, openness(baker) / OPEN);
+    Mix mix = {.suns = (uint32_t)((float)count * (LEAST_PART + part * SUNS)),
+               .skies = (uint32_t)((float)count * (LEAST_PART + part * SKIES))};
+    mix.lamps = count - mix.suns - mix.skies;
+    return mix;
+}
+
 ChiaroResult chiaro_bake_training(Baker *baker)
 {
     bool grey = true;
@@ -167,18 +188,14 @@ ChiaroResult chiaro_bake_training(Baker *baker)
         grey = fabsf(a[0] - a[1]) + fabsf(a[1] - a[2]) < 1e-4f && (e[0] + e[1] + e[2] == 0);
     }
     bool open = baker->info.sky_seen;
-    /* Links that serve the sky are missing for lamps: where little sky is seen, suns and skies are few. */
-    float part = fminf(1, openness(baker) / OPEN);
-    uint32_t lamps = baker->sample_count / 8;
-    uint32_t suns = open ? LEAST_SUNS + (uint32_t)(part * MORE_SUNS) : 0;
-    uint32_t skies = open ? LEAST_SKIES + (uint32_t)(part * MORE_SKIES) : 0;
-    lamps = lamps < LEAST_LAMPS ? LEAST_LAMPS : lamps > MOST_LAMPS ? MOST_LAMPS : lamps;
-    lamps -= skies < lamps / 2 ? skies : lamps / 2;
-    uint32_t wanted = lamps + suns + skies + (baker->info.emitters ? 3 : 0) + 6 + (open ? 3 : 0);
+    uint32_t lights = baker->sample_count / 8;
+    lights = lights < LEAST_LIGHTS ? LEAST_LIGHTS : lights > MOST_LIGHTS ? MOST_LIGHTS : lights;
+    Mix mix = mix_lights(baker, lights);
+    uint32_t wanted = lights + (baker->info.emitters ? 3 : 0) + 6 + (open ? 3 : 0);
     baker->grey = grey;
     baker->columns = (wanted + CHIARO_COLUMN_BLOCK - 1) / CHIARO_COLUMN_BLOCK * CHIARO_COLUMN_BLOCK;
     Training training = {.baker = baker};
-    training.lamps = calloc(lamps + suns, sizeof *training.lamps);
+    training.lamps = calloc(mix.lamps + mix.suns, sizeof *training.lamps);
     baker->column_channel = calloc(baker->columns, sizeof *baker->column_channel);
     baker->direct = chiaro_bake_table(baker->node_count, baker->columns);
     baker->total = chiaro_bake_table(baker->node_count, baker->columns);
@@ -187,14 +204,14 @@ ChiaroResult chiaro_bake_training(Baker *baker)
         return CHIARO_ERROR_MEMORY;
     }
     training.direct = baker->direct, training.columns = baker->columns, training.channel = baker->column_channel;
-    choose_lamps(&training, lamps, suns, 0x1a3b5);
+    choose_lamps(&training, &mix, 0x1a3b5);
     uint32_t next = training.lamp_count;
-    for (uint32_t t = 0; t < next + skies; t++)
+    for (uint32_t t = 0; t < next + mix.skies; t++)
         baker->column_channel[t] = channel_of(baker, t);
     bool finished = chiaro_parallel_for(baker->desc.threads, baker->sample_count, 16, light_samples, &training,
                                         chiaro_bake_progress, baker);
-    paint_skies(baker, next, skies);
-    next += skies;
+    paint_skies(&training, next, mix.skies, 0x5e7);
+    next += mix.skies;
     baker->emitter_column = next;
     for (uint8_t c = 0; c < 3 && baker->info.emitters; c++, next++) {
         baker->column_channel[next] = c;
@@ -229,6 +246,7 @@ ChiaroResult chiaro_bake_more_lamps(Baker *baker)
     float scale[BATCH];
     Training training = {.baker = baker, .columns = BATCH, .channel = channel, .one_point = true};
     ChiaroResult result = CHIARO_ERROR_MEMORY;
+    Mix mix = mix_lights(baker, BATCH);
     baker->more_columns = BATCH * batches;
     baker->more = chiaro_bake_table(baker->node_count, baker->more_columns);
     training.lamps = calloc(BATCH, sizeof *training.lamps);
@@ -240,8 +258,9 @@ ChiaroResult chiaro_bake_more_lamps(Baker *baker)
         goto done;
     for (uint32_t b = 0; b < batches; b++) {
         memset(training.direct, 0, (size_t)baker->leaf_count * BATCH * sizeof *training.direct);
-        choose_lamps(&training, BATCH, 0, 0x1a3b6 + b);
+        choose_lamps(&training, &mix, 0x1a3b6 + b);
         chiaro_parallel_for(baker->desc.threads, baker->sample_count, 16, light_samples, &training, NULL, NULL);
+        paint_skies(&training, training.lamp_count, mix.skies, 0x5e8 + b);
         chiaro_bake_tree_sum(baker, training.direct, BATCH);
         result = chiaro_bake_gather(baker, training.direct, BATCH, channel, irradiance);
         if (result == CHIARO_OK)
