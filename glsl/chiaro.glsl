@@ -469,8 +469,8 @@ uint chiaro_cell_word(uint word)
 /* Form factor of a ball. Twin of lanes_ball_forms in src/core/lanes_ball.h: every way through a branch would be taken. */
 float chiaro_sphere_form(vec3 way, vec3 normal, float radius)
 {
-    float ratio = radius * inversesqrt(max(dot(way, way), radius * radius)), square = ratio * ratio;
-    float height = dot(normal, way) / radius, u = clamp(height, -1, 1), v = u * u, h = sqrt(max(0, 1 - square));
+    float away = length(way), ratio = radius / max(away, radius), square = ratio * ratio;
+    float height = dot(normal, way) / max(min(away, radius), 1e-20), u = clamp(height, -1, 1), v = u * u, h = sqrt(max(0, 1 - square));
     float rim = ratio * (0.5 + 0.5 * u) - (1 - v) * CHIARO_BALL_FIT(v, h);
     return square * (max(0, rim) + ratio * max(0, height - 1));
 }
