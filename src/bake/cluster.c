@@ -17,6 +17,12 @@ typedef struct Moments {
     uint32_t count;
 } Moments;
 
+/* An item, times its weight. */
+typedef struct Probe {
+    double weight, sum[CLUSTER_FEATURES], square;
+    float feature[CLUSTER_FEATURES];
+} Probe;
+
 typedef struct Group {
     uint32_t first, count, left, right; /* CHIARO_NONE: not cut */
     double claim; /* to be cut; 0: nothing to cut */
@@ -26,6 +32,7 @@ typedef struct Builder {
     const ClusterItem *items;
     ClusterTree *tree;
     uint32_t *scratch;
+    Probe *probes; /* of the run at hand */
     Group *groups;
     uint32_t *heap; /* groups that are not cut, the largest claim on top */
     uint32_t group_count, heap_count, capacity;
@@ -58,31 +65,46 @@ static uint32_t bin_of(float value, float low, float high)
     return x < 0 ? 0 : x >= BINS ? BINS - 1 : (uint32_t)x;
 }
 
+/* Items of a run, one by one or many apart. Returns their number. */
+static uint32_t probe_run(const Builder *builder, uint32_t first, uint32_t count)
+{
+    const uint32_t *order = builder->tree->order, step = count < 2 * PROBES ? 1 : count / PROBES;
+    uint32_t probes = 0;
+    for (uint32_t i = first; i < first + count; i += step) {
+        const ClusterItem *item = &builder->items[order[i]];
+        Probe *probe = &builder->probes[probes++];
+        double w = item->weight;
+        probe->weight = w, probe->square = 0;
+        for (int f = 0; f < CLUSTER_FEATURES; f++) {
+            probe->feature[f] = item->feature[f];
+            probe->sum[f] = w * item->feature[f];
+            probe->square += probe->sum[f] * item->feature[f];
+        }
+    }
+    return probes;
+}
+
 /* Finds the best cut of a run: axis and bin after which to cut. False if nothing tells the items apart. */
 static bool find_cut(const Builder *builder, uint32_t first, uint32_t count, int *best_axis, uint32_t *best_bin,
                      float *best_low, float *best_high)
 {
-    const uint32_t *order = builder->tree->order, step = count < 2 * PROBES ? 1 : count / PROBES;
+    const Probe *probes = builder->probes, *end = probes + probe_run(builder, first, count);
     double best = INFINITY;
     for (int axis = 0; axis < CLUSTER_FEATURES; axis++) {
         float low = INFINITY, high = -INFINITY;
-        for (uint32_t i = first; i < first + count; i += step) {
-            float f = builder->items[order[i]].feature[axis];
-            low = fminf(low, f), high = fmaxf(high, f);
+        for (const Probe *probe = probes; probe < end; probe++) {
+            float f = probe->feature[axis];
+            low = f < low ? f : low, high = f > high ? f : high;
         }
         if (!(high > low))
             continue;
         Moments bins[BINS], left, total;
         memset(bins, 0, sizeof bins);
-        for (uint32_t i = first; i < first + count; i += step) {
-            const ClusterItem *item = &builder->items[order[i]];
-            Moments *bin = &bins[bin_of(item->feature[axis], low, high)];
-            double w = item->weight;
-            bin->weight += w, bin->count++;
-            for (int f = 0; f < CLUSTER_FEATURES; f++) {
-                bin->sum[f] += w * item->feature[f];
-                bin->square += w * item->feature[f] * item->feature[f];
-            }
+        for (const Probe *probe = probes; probe < end; probe++) {
+            Moments *bin = &bins[bin_of(probe->feature[axis], low, high)];
+            bin->weight += probe->weight, bin->square += probe->square, bin->count++;
+            for (int f = 0; f < CLUSTER_FEATURES; f++)
+                bin->sum[f] += probe->sum[f];
         }
         memset(&total, 0, sizeof total), memset(&left, 0, sizeof left);
         for (int b = 0; b < BINS; b++)
@@ -258,10 +280,11 @@ bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, u
     leaves = leaves < 1 ? 1 : leaves > count ? count : leaves;
     Builder builder = {.items = items, .tree = tree, .capacity = 2 * leaves};
     builder.scratch = malloc(count * sizeof *builder.scratch);
+    builder.probes = malloc((count < 2 * PROBES ? count : 2 * PROBES) * sizeof *builder.probes);
     builder.groups = malloc((size_t)builder.capacity * sizeof *builder.groups);
     builder.heap = malloc((size_t)builder.capacity * sizeof *builder.heap);
     tree->order = malloc(count * sizeof *tree->order);
-    builder.failed = !builder.scratch || !builder.groups || !builder.heap || !tree->order;
+    builder.failed = !builder.scratch || !builder.probes || !builder.groups || !builder.heap || !tree->order;
     if (!builder.failed) {
         for (uint32_t i = 0; i < count; i++)
             tree->order[i] = i;
@@ -273,6 +296,7 @@ bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, u
     if (!builder.failed)
         number(&builder, 0);
     free(builder.scratch);
+    free(builder.probes);
     free(builder.groups);
     free(builder.heap);
     if (builder.failed)

@@ -79,7 +79,20 @@ WIDE void chiaro_axpy_double(double *restrict y, double s, const double *restric
         y[i] += s * x[i];
 }
 
-void chiaro_pick(const float *row, const uint32_t *columns, const float *scale, size_t n, float *out)
+WIDE double chiaro_dot_double(const double *a, const double *b, size_t n)
+{
+    double lane[LANES] = {0};
+    size_t i = 0;
+    for (; i + LANES <= n; i += LANES) {
+        for (size_t k = 0; k < LANES; k++)
+            lane[k] += a[i + k] * b[i + k];
+    }
+    for (; i < n; i++)
+        lane[0] += a[i] * b[i];
+    return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
+}
+
+WIDE void chiaro_pick(const float *row, const uint32_t *columns, const float *scale, size_t n, float *out)
 {
     for (size_t i = 0; i < n; i++)
         out[i] = row[columns[i]] * scale[i];

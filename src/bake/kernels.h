@@ -9,6 +9,8 @@ enum { CHIARO_LANES = 16 };
 
 /* Sum of a[i] * b[i]; n is a multiple of CHIARO_LANES. */
 float chiaro_dot(const float *a, const float *b, size_t n);
+/* The same in double precision; any n. */
+double chiaro_dot_double(const double *a, const double *b, size_t n);
 /* y[i] += s * x[i]; n is a multiple of CHIARO_LANES. */
 void chiaro_axpy(float *restrict y, float s, const float *restrict x, size_t n);
 /* The same in double precision; any n. */

@@ -1,6 +1,8 @@
 /* Small dense linear algebra: an inverse, a Cholesky factor, a symmetric eigensystem. A few hundred unknowns at most. */
 #include "linear.h"
 
+#include "kernels.h"
+
 #include <math.h>
 #include <stddef.h>
 #include <stdlib.h>
@@ -42,29 +44,15 @@ bool chiaro_matrix_invert(double *a, uint32_t n)
     return ok;
 }
 
-/* Four sums side by side, in a fixed order: faster than one, and the same bits everywhere. */
-static double dot(const double *a, const double *b, uint32_t n)
-{
-    double sum[4] = {0, 0, 0, 0};
-    uint32_t i = 0;
-    for (; i + 4 <= n; i += 4) {
-        for (uint32_t k = 0; k < 4; k++)
-            sum[k] += a[i + k] * b[i + k];
-    }
-    for (; i < n; i++)
-        sum[0] += a[i] * b[i];
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
-}
-
 void chiaro_cholesky(double *a, uint32_t n)
 {
     for (uint32_t i = 0; i < n; i++) {
         double *row = a + (size_t)i * n;
         for (uint32_t j = 0; j < i; j++) {
             double pivot = a[(size_t)j * n + j];
-            row[j] = pivot > 0 ? (row[j] - dot(row, a + (size_t)j * n, j)) / pivot : 0;
+            row[j] = pivot > 0 ? (row[j] - chiaro_dot_double(row, a + (size_t)j * n, j)) / pivot : 0;
         }
-        double left = row[i] - dot(row, row, i);
+        double left = row[i] - chiaro_dot_double(row, row, i);
         row[i] = left > 0 ? sqrt(left) : 0;
     }
 }
@@ -73,7 +61,7 @@ void chiaro_cholesky_solve(const double *factor, uint32_t n, double *b)
 {
     for (uint32_t i = 0; i < n; i++) {
         const double *row = factor + (size_t)i * n;
-        b[i] = row[i] > 0 ? (b[i] - dot(row, b, i)) / row[i] : 0;
+        b[i] = row[i] > 0 ? (b[i] - chiaro_dot_double(row, b, i)) / row[i] : 0;
     }
     for (uint32_t i = n; i-- > 0;) {
         const double *row = factor + (size_t)i * n;
@@ -148,14 +136,14 @@ static void eigen(double *a, uint32_t n, double *vectors, double *values)
 static void orthonormalize_rows(double *rows, uint32_t count, uint32_t n)
 {
     for (uint32_t i = 0; i < count; i++) {
-        double *row = rows + (size_t)i * n, before = sqrt(dot(row, row, n));
+        double *row = rows + (size_t)i * n, before = sqrt(chiaro_dot_double(row, row, n));
         for (uint32_t j = 0; j < 2 * i; j++) {
             const double *other = rows + (size_t)(j % i) * n;
-            double along = dot(row, other, n);
+            double along = chiaro_dot_double(row, other, n);
             for (uint32_t k = 0; k < n; k++)
                 row[k] -= along * other[k];
         }
-        double after = sqrt(dot(row, row, n)), scale = after > 1e-10 * before && after > 0 ? 1 / after : 0;
+        double after = sqrt(chiaro_dot_double(row, row, n)), scale = after > 1e-10 * before && after > 0 ? 1 / after : 0;
         for (uint32_t k = 0; k < n; k++)
             row[k] *= scale;
     }
@@ -165,7 +153,7 @@ static void multiply(const double *a, const double *rows, uint32_t count, uint32
 {
     for (uint32_t i = 0; i < count; i++) {
         for (uint32_t k = 0; k < n; k++)
-            out[(size_t)i * n + k] = dot(a + (size_t)k * n, rows + (size_t)i * n, n);
+            out[(size_t)i * n + k] = chiaro_dot_double(a + (size_t)k * n, rows + (size_t)i * n, n);
     }
 }
 
@@ -188,7 +176,7 @@ void chiaro_symmetric_largest(const double *a, uint32_t n, uint32_t count, doubl
     }
     for (uint32_t i = 0; i < width; i++) {
         for (uint32_t j = 0; j < width; j++)
-            small[i * width + j] = dot(vectors + (size_t)i * n, images + (size_t)j * n, n);
+            small[i * width + j] = chiaro_dot_double(vectors + (size_t)i * n, images + (size_t)j * n, n);
     }
     eigen(small, width, mix, size);
     memset(images, 0, (size_t)width * n * sizeof *images);

@@ -48,8 +48,9 @@ void chiaro_prune_destroy(Prune *prune)
     }
 }
 
-/* In place: the lower triangle of a positive definite matrix becomes that of its inverse, and the upper one follows. Each
- * step makes one unknown a known (Beaton's sweep); no pivoting is needed. */
+/* In place: the lower triangle of a positive definite matrix becomes that of its inverse, and the upper one follows (once:
+ * what changes the inverse later keeps to the lower). Each step makes one unknown a known (Beaton's sweep); no pivoting is
+ * needed. */
 static void invert(double *a, uint32_t n, uint32_t stride, double *column)
 {
     for (uint32_t k = 0; k < n; k++) {
@@ -80,9 +81,7 @@ void chiaro_prune_set(Prune *prune, uint32_t channel, const double *system, cons
     invert(inverse, n, prune->capacity, prune->column);
     for (uint32_t i = 0; i < n; i++) {
         for (uint32_t p = 0; p < rank; p++) {
-            double sum = 0;
-            for (uint32_t j = 0; j < n; j++)
-                sum += inverse[(size_t)i * prune->capacity + j] * right[(size_t)p * n + j];
+            double sum = chiaro_dot_double(inverse + (size_t)i * prune->capacity, right + (size_t)p * n, n);
             weights[(size_t)i * rank + p] = sum;
             prune->gain[p] += sum * right[(size_t)p * n + i];
         }
@@ -96,12 +95,19 @@ typedef struct Step {
     double cost;
 } Step;
 
+/* An element of the inverse, of which the lower triangle is kept. */
+static double *at(double *inverse, size_t stride, size_t i, size_t j)
+{
+    return &inverse[i > j ? i * stride + j : j * stride + i];
+}
+
 static double step_cost(const Prune *prune, const Step *step)
 {
     double cost = 0;
     size_t n = prune->capacity, i = step->i, j = step->j;
     for (uint32_t c = 0; c < prune->channels; c++) {
-        const double *p = prune->inverse[c], *w = prune->weights[c] + i * prune->rank;
+        double *p = prune->inverse[c];
+        const double *w = prune->weights[c] + i * prune->rank;
         double square = 0, freedom = p[i * n + i], a = step->share_j, b = step->share_i;
         if (step->j == CHIARO_NONE) {
             for (uint32_t k = 0; k < prune->rank; k++)
@@ -110,7 +116,7 @@ static double step_cost(const Prune *prune, const Step *step)
             const double *v = prune->weights[c] + j * prune->rank;
             for (uint32_t k = 0; k < prune->rank; k++)
                 square += (a * w[k] - b * v[k]) * (a * w[k] - b * v[k]);
-            freedom = a * a * p[i * n + i] - 2 * a * b * p[i * n + j] + b * b * p[j * n + j];
+            freedom = a * a * p[i * n + i] - 2 * a * b * *at(p, n, i, j) + b * b * p[j * n + j];
         }
         cost += freedom > 0 ? square / freedom : 0; /* what has no freedom left costs nothing */
     }
@@ -154,10 +160,8 @@ static void remove_node(Prune *prune, uint32_t i)
         double *p = prune->inverse[c];
         memcpy(prune->weights[c] + (size_t)i * prune->rank, prune->weights[c] + (size_t)last * prune->rank,
                prune->rank * sizeof(double));
-        memcpy(p + i * n, p + last * n, (last + 1) * sizeof *p);
-        p[i * n + i] = p[last * n + last];
         for (uint32_t k = 0; k < last; k++)
-            p[k * n + i] = p[i * n + k];
+            *at(p, n, i, k) = p[last * n + (k == i ? last : k)];
     }
 }
 
@@ -170,7 +174,7 @@ static void take(Prune *prune, const Step *step)
         double *p = prune->inverse[c], *w = prune->weights[c], *column = prune->column;
         double a = merge ? step->share_j : 1, b = step->share_i;
         for (uint32_t k = 0; k < count; k++)
-            column[k] = a * p[i * n + k] - (merge ? b * p[j * n + k] : 0);
+            column[k] = a * *at(p, n, i, k) - (merge ? b * *at(p, n, j, k) : 0);
         double freedom = a * column[i] - (merge ? b * column[j] : 0), scale = freedom > 0 ? 1 / freedom : 0;
         for (uint32_t k = 0; k < rank; k++)
             prune->step[k] = (a * w[i * rank + k] - (merge ? b * w[j * rank + k] : 0)) * scale;
@@ -178,7 +182,7 @@ static void take(Prune *prune, const Step *step)
             prune->gain[k] -= prune->step[k] * prune->step[k] * freedom;
         for (uint32_t k = 0; k < count; k++) {
             chiaro_axpy_double(w + (size_t)k * rank, -column[k], prune->step, rank);
-            chiaro_axpy_double(p + k * n, -column[k] * scale, column, count);
+            chiaro_axpy_double(p + k * n, -column[k] * scale, column, k + 1);
         }
         if (!merge)
             continue;
@@ -187,9 +191,7 @@ static void take(Prune *prune, const Step *step)
         for (uint32_t k = 0; k < rank; k++)
             w[i * rank + k] *= grow;
         for (uint32_t k = 0; k < count; k++)
-            p[i * n + k] *= grow;
-        for (uint32_t k = 0; k < count; k++)
-            p[k * n + i] *= grow;
+            *at(p, n, i, k) *= k == i ? grow * grow : grow;
     }
     if (merge) {
         uint32_t parent = prune->parent[prune->nodes[i]];
