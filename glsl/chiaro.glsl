@@ -325,12 +325,22 @@ vec3 chiaro_point_irradiance(uint number, ChiaroGpuLight light, vec3 position, f
 #ifdef CHIARO_OBJECT_SET
 
 layout(set = CHIARO_OBJECT_SET, binding = 0) uniform usamplerBuffer chiaro_objects; /* four texels each: ChiaroGpuObject */
-/* ChiaroGpuCubes, two texels, and the scales. A slot holds two cubes, what was shown before and what was painted last; its
- * scales are their shares, which add up to what decoded colours are multiplied with. Cubes are plain words, not an image:
- * that takes no optional feature (imageCubeArray), no limit on layers, no rims of copied texels, and gives the same bits on
- * every device. */
+/* A slot holds two cubes, what was shown before and what was painted last; its scales are their shares, which add up to
+ * what decoded colours are multiplied with. Cubes are plain words, not an image: that takes no optional feature
+ * (imageCubeArray), no limit on layers, no rims of copied texels, and gives the same bits on every device. */
 layout(set = CHIARO_OBJECT_SET, binding = 1) uniform usamplerBuffer chiaro_scales;
 layout(set = CHIARO_OBJECT_SET, binding = 2) uniform usamplerBuffer chiaro_cubes;
+layout(std140, set = CHIARO_OBJECT_SET, binding = 5) uniform ChiaroShape
+{
+    ChiaroGpuShape chiaro_shape;
+};
+
+/* A shader that knows them beforehand defines them as constants: processors that run several vertices in step go through
+ * every format otherwise. */
+#ifndef CHIARO_CUBE_EDGE
+#define CHIARO_CUBE_EDGE chiaro_shape.cubes.x
+#define CHIARO_CUBE_FORMAT chiaro_shape.cubes.y
+#endif
 
 ChiaroGpuObject chiaro_object(uint id)
 {
@@ -391,13 +401,12 @@ ChiaroCubeTaps chiaro_cube_taps(vec3 direction, uint edge)
 /* A texel of a cube that begins at a word. */
 vec3 chiaro_cube_color(uint first, uint texel)
 {
-    uint format = texelFetch(chiaro_scales, 0).y;
-    bool half_floats = format == CHIARO_GPU_CUBE_HALF;
+    bool half_floats = CHIARO_CUBE_FORMAT == CHIARO_GPU_CUBE_HALF;
     int place = int(first + (half_floats ? 2 * texel : texel));
     uint word = texelFetch(chiaro_cubes, place).x;
     if (half_floats)
         return vec3(unpackHalf2x16(word), unpackHalf2x16(texelFetch(chiaro_cubes, place + 1).x).x);
-    if (format == CHIARO_GPU_CUBE_UNORM8)
+    if (CHIARO_CUBE_FORMAT == CHIARO_GPU_CUBE_UNORM8)
         return unpackUnorm4x8(word).rgb;
     return vec3(word & 511u, word >> 9 & 511u, word >> 18 & 511u) * uintBitsToFloat(((word >> 27) + 103u) << 23);
 }
@@ -414,9 +423,9 @@ vec3 chiaro_cube_mix(uint first, ChiaroCubeTaps taps)
  * from the cube that was shown before. May be a little below zero. */
 vec3 chiaro_cube_irradiance(uint slot, vec3 direction)
 {
-    ChiaroCubeTaps taps = chiaro_cube_taps(direction, texelFetch(chiaro_scales, 0).x);
-    uint words = texelFetch(chiaro_scales, 1).x, first = 2 * slot * words;
-    vec2 scales = uintBitsToFloat(texelFetch(chiaro_scales, int(2 + slot)).xy);
+    ChiaroCubeTaps taps = chiaro_cube_taps(direction, CHIARO_CUBE_EDGE);
+    uint words = chiaro_shape.cubes.z, first = 2 * slot * words;
+    vec2 scales = uintBitsToFloat(texelFetch(chiaro_scales, int(slot)).xy);
     vec3 sum = vec3(0);
     /* A loop, because processors that run several vertices in step leave it when none of them needs it any more. */
     for (uint cube = scales.x > 0 ? 0 : 1; cube < 2; cube++)
@@ -445,10 +454,7 @@ vec3 chiaro_object_irradiance(ChiaroGpuObject object, vec3 cavity, vec3 bent, uv
 }
 
 layout(set = CHIARO_OBJECT_SET, binding = 3) uniform usamplerBuffer chiaro_blockers; /* ChiaroWorldBlocker, in words */
-/* The two grids, near and far, and their words: the same buffer. */
-layout(set = CHIARO_OBJECT_SET, binding = 4) uniform usamplerBuffer chiaro_cells;
-layout(set = CHIARO_OBJECT_SET, binding = 5) uniform usamplerBuffer chiaro_grids;
-const int chiaro_near_grid = 0, chiaro_far_grid = 4;
+layout(set = CHIARO_OBJECT_SET, binding = 4) uniform usamplerBuffer chiaro_cells;    /* words of the two grids */
 
 uint chiaro_blocker_word(uint word)
 {
@@ -457,30 +463,16 @@ uint chiaro_blocker_word(uint word)
 
 uint chiaro_cell_word(uint word)
 {
-    return texelFetch(chiaro_cells, 32 + int(word)).x;
+    return texelFetch(chiaro_cells, int(word)).x;
 }
 
-ChiaroGpuGrid chiaro_grid(int first)
-{
-    return ChiaroGpuGrid(uintBitsToFloat(texelFetch(chiaro_grids, first)), texelFetch(chiaro_grids, first + 1),
-                         uintBitsToFloat(texelFetch(chiaro_grids, first + 2)), texelFetch(chiaro_grids, first + 3));
-}
-
-/* Form factor of a sphere. Twin of chiaro_sphere_form. */
+/* Form factor of a ball. Twin of lanes_ball_forms in src/core/lanes_ball.h: every way through a branch would be taken. */
 float chiaro_sphere_form(vec3 way, vec3 normal, float radius)
 {
-    float away = length(way), cosine = clamp(dot(normal, way) / max(away, 1e-20), -1, 1);
-    if (away <= radius)
-        return (1 + cosine) / 2;
-    float ratio = min(radius / away, 1); /* quotients and roots are not exact everywhere */
-    if (cosine >= ratio)
-        return ratio * ratio * cosine;
-    if (cosine <= -ratio)
-        return 0;
-    /* Across the horizon (Howell's catalogue, B-19). */
-    float sine = sqrt(max(1 - cosine * cosine, 1e-12)), x = sqrt((1 - ratio) * (1 + ratio)) / ratio;
-    float y = clamp(-x * cosine / sine, -1, 1), root = sqrt(max(1 - y * y, 0));
-    return max(0, (ratio * ratio * (cosine * acos(y) - x * sine * root) + atan(sine * root / max(x, 1e-12))) / chiaro_pi);
+    float away = length(way), ratio = radius / max(away, radius), square = ratio * ratio;
+    float height = dot(normal, way) / max(min(away, radius), 1e-20), u = clamp(height, -1, 1), v = u * u, h = sqrt(max(0, 1 - square));
+    float rim = ratio * (0.5 + 0.5 * u) - (1 - v) * CHIARO_BALL_FIT(v, h);
+    return square * (max(0, rim) + ratio * max(0, height - 1));
 }
 
 /* Angle under which an edge is seen, times the cosine of its plane's normal: Lambert's sum over edges. */
@@ -598,7 +590,7 @@ vec3 chiaro_indirect(uint id, vec3 cavity, vec3 bent, uvec4 parts, vec4 weights)
 float chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, out vec3 bounce, out vec4 shine)
 {
     vec3 corner;
-    ChiaroGpuGrid grid = chiaro_grid(chiaro_far_grid);
+    ChiaroGpuGrid grid = chiaro_shape.far;
     uint word = chiaro_find_cell(grid, point, corner);
     uint entry = grid.first.y + (word & 0xfffffu), balls = entry + (word >> 20 & 63u);
     float open = 1;
@@ -624,7 +616,7 @@ float chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, out vec3 bounce, 
 vec3 chiaro_blocked_near(bool pieces, vec3 point, vec3 normal, vec3 irradiance, vec4 shine)
 {
     vec3 corner, bounce = vec3(0), radiance = shine.rgb / max(shine.w, 1e-20);
-    ChiaroGpuGrid grid = chiaro_grid(chiaro_near_grid);
+    ChiaroGpuGrid grid = chiaro_shape.near;
     uint word = chiaro_find_cell(grid, point, corner);
     uint entry = grid.first.y + (word & 0xfffffu), balls = entry + 2 * (word >> 20 & 63u);
     float open = 1;

@@ -3,6 +3,12 @@
 #if defined(CHIARO_OBJECT) || defined(CHIARO_BLOCKED)
 #define CHIARO_OBJECT_SET 3
 #endif
+#if defined(CHIARO_OBJECT) && defined(CHIARO_GI)
+layout(constant_id = 5) const uint cube_edge = 4;
+layout(constant_id = 6) const uint cube_format = 0;
+#define CHIARO_CUBE_EDGE cube_edge
+#define CHIARO_CUBE_FORMAT cube_format
+#endif
 #include "chiaro.glsl"
 
 layout(push_constant) uniform Push

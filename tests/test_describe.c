@@ -345,8 +345,8 @@ static void one_object_brings_its_cube_and_what_it_does(void **state)
     run(&show);
     assert_features(&show, "scene, bounce light, sky light, moving objects, environment cubes, objects on static light, "
                            "drawing, sky background");
-    /* Its mesh, five buffers of the set, vertices; pipelines: objects, and the ground near them. */
-    assert_alive(MESH + TRANSPORT + MESH + 5 + 1, 1, GI_PIPELINES + 1 + 1 + 2, 2 + 1 + 1);
+    /* Its mesh, six buffers of the set, vertices; pipelines: objects, and the ground near them. */
+    assert_alive(MESH + TRANSPORT + MESH + 6 + 1, 1, GI_PIPELINES + 1 + 1 + 2, 2 + 1 + 1);
     show.stage.api->objects_unload(show.stage.chiaro);
     run(&show);
     assert_features(&show, "scene, bounce light, sky light, drawing, sky background");
@@ -363,7 +363,7 @@ static void everything_has_everything(void **state)
     assert_features(&show, "scene, punctual light, face shadow maps, wide shadow maps, bounce light, sample lighting, "
                            "sky light, moving objects, environment cubes, objects on static light, drawing, "
                            "sky background");
-    assert_alive(MESH + TRANSPORT + 1 + MESH + 5 + 1, 3, GI_PIPELINES + 1 + 1 + 1 + 2, 2 + 1 + 1 + 1);
+    assert_alive(MESH + TRANSPORT + 1 + MESH + 6 + 1, 3, GI_PIPELINES + 1 + 1 + 1 + 2, 2 + 1 + 1 + 1);
     close_show(&show);
 }
 

@@ -311,7 +311,7 @@ CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *wo
  *
  * Ball (across == 0): a sphere about `center` that shines as its axes say. With w the unit direction from the blocker to
  * the receiver, the axes that w points along count with the squares of its components, which add up to 1:
- *     radiance = sum w_i^2 radiance[i], form = chiaro_sphere_form(.., center, radius).
+ *     radiance = sum w_i^2 radiance[i], form = chiaro_sphere_form(.., center, radius), to 0.003.
  * Plate: a rectangle that is seen from the side of cross(across, along) only, with these half edges:
  *     radiance = radiance[0], form = chiaro_rectangle_form().
  *

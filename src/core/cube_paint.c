@@ -5,6 +5,7 @@
  * share of its solid angle: radiance * solid angle is kept, however small the thing is.
  */
 #include "cubes.h"
+#include "lanes.h"
 
 #include <string.h>
 
@@ -290,9 +291,8 @@ void chiaro_cube_background(const ChiaroCubeKernel *kernel, ChiaroRadianceFunc f
 void chiaro_cube_look_up(const ChiaroCubeKernel *kernel, const float *texels, const float direction[3], float value[4])
 {
     ChiaroCubeTaps taps = chiaro_cube_taps(kernel, vec3_load(direction));
-    for (uint32_t c = 0; c < CUBE_LANES; c++) {
-        value[c] = 0;
-        for (uint32_t k = 0; k < 4; k++)
-            value[c] += taps.weight[k] * texels[4 * taps.texel[k] + c];
-    }
+    Lanes sum = lanes_of(0);
+    for (uint32_t k = 0; k < 4; k++)
+        sum += taps.weight[k] * lanes_load(texels + 4 * (size_t)taps.texel[k]);
+    memcpy(value, &sum, sizeof sum);
 }

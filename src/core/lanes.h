@@ -2,6 +2,7 @@
 #ifndef CHIARO_LANES_H
 #define CHIARO_LANES_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
@@ -32,10 +33,12 @@ static inline float lanes_sum(Lanes a) { return (a[0] + a[1]) + (a[2] + a[3]); }
 #ifdef __SSE__
 static inline Lanes lanes_min(Lanes a, Lanes b) { return _mm_min_ps(a, b); }
 static inline Lanes lanes_max(Lanes a, Lanes b) { return _mm_max_ps(a, b); }
+static inline Lanes lanes_sqrt(Lanes a) { return _mm_sqrt_ps(a); }
 static inline bool lanes_any(LaneMask mask) { return _mm_movemask_ps((Lanes)mask); }
 #else
 static inline Lanes lanes_min(Lanes a, Lanes b) { return lanes_choose(a < b, a, b); }
 static inline Lanes lanes_max(Lanes a, Lanes b) { return lanes_choose(a > b, a, b); }
+static inline Lanes lanes_sqrt(Lanes a) { return (Lanes){sqrtf(a[0]), sqrtf(a[1]), sqrtf(a[2]), sqrtf(a[3])}; }
 static inline bool lanes_any(LaneMask mask)
 {
     uint64_t words[2];

@@ -107,12 +107,13 @@ typedef struct NearThing {
     bool ball;
 } NearThing;
 
-/* All of it. Plates number by number, so that four go at a time; there is room for three more of no area. */
+/* All of it. Number by number, so that four go at a time; there is room for three more that are not seen. */
 enum { NEAR_X, NEAR_Y, NEAR_Z, NEAR_NX, NEAR_NY, NEAR_NZ, NEAR_AREA, NEAR_HALF, NEAR_VISIBLE, NEAR_RED, NEAR_GREEN,
        NEAR_BLUE, NEAR_NUMBERS };
+enum { BALL_X, BALL_Y, BALL_Z, BALL_RADIUS, BALL_VISIBLE, BALL_RED, BALL_GREEN, BALL_BLUE, BALL_NUMBERS };
 typedef struct Near {
     float plates[NEAR_NUMBERS][WORLD_MAX_NEAR + 4];
-    NearThing balls[WORLD_MAX_BALLS];
+    float balls[BALL_NUMBERS][WORLD_MAX_BALLS + 4];
     uint32_t plate_count, ball_count;
 } Near;
 

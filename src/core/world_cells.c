@@ -1,6 +1,7 @@
 /* Where objects act on static surfaces: two grids tell which blockers matter where, one for what is near and changes from
  * pixel to pixel, one for what is far. A shader does by pixel and by vertex what chiaro_blockers_at() does here.
  */
+#include "lanes_ball.h"
 #include "world.h"
 #include "world_device.h"
 
@@ -412,43 +413,89 @@ static uint32_t find_cell(const ChiaroBlockerCells *cells, const float point[3])
     return cells->cells[cell[0] + cells->count[0] * (cell[1] + cells->count[1] * cell[2])];
 }
 
-/* The near shares, with the shine of `blocked`; or the far ones, which make `blocked`. */
-static float sum_cell(const BlockerGrid *grid, const float point[3], const float normal[3], bool far,
-                      ChiaroBlockedFar *blocked, Vec3 *bounce)
+static Lanes window_lanes(Lanes away, Lanes reach)
 {
-    const ChiaroBlockerCells *cells = far ? &grid->view.far : &grid->view.near;
-    uint32_t word = find_cell(cells, point), balls = CHIARO_CELL_BALLS(word), last = CHIARO_NONE;
-    const uint32_t *entries = cells->entries + CHIARO_CELL_FIRST(word);
-    float open = 1, sum = 0, *shine = blocked->shine;
-    Vec3 none = {0, 0, 0}, own = none, emitted = none;
-    *bounce = none;
-    for (uint32_t k = 0; k < balls + CHIARO_CELL_OTHERS(word); k++) {
+    Lanes ratio = away / reach;
+    ratio *= ratio;
+    return lanes_max(lanes_of(0), lanes_of(1) - ratio * ratio);
+}
+
+/* The near shares, with the shine of `blocked`; or the far ones, which make `blocked`. Of plain balls, each of which is an
+ * object. */
+static float sum_balls(const BlockerGrid *grid, const uint32_t *entries, uint32_t count, const float point[3],
+                       const float normal[3], bool far, float shine[4], Vec3 *bounce)
+{
+    const Vec3 none = {0, 0, 0}, mean = vec3_scale(vec3_load(shine), shine[3] > 0 ? 1 / shine[3] : 0);
+    float open = 1;
+    for (uint32_t k = 0; k < count; k += LANES) {
+        uint32_t valid = count - k < LANES ? count - k : LANES;
+        Lanes way[3], radius, near, all;
+        for (uint32_t lane = 0; lane < LANES; lane++) {
+            const ChiaroWorldBlocker *ball = &grid->blockers[entries[k + (lane < valid ? lane : 0)]];
+            for (uint32_t c = 0; c < 3; c++)
+                way[c][lane] = ball->center[c] - point[c];
+            radius[lane] = ball->radius;
+        }
+        Lanes away = lanes_sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
+        Lanes height = way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2];
+        near = all = window_lanes(away, CHIARO_BLOCKER_NEAR * radius);
+        if (far)
+            all = window_lanes(away, CHIARO_BLOCKER_REACH * radius);
+        if (!lanes_any(all > lanes_of(0)))
+            continue;
+        Lanes form = lanes_ball_forms(away, height, radius), share = (far ? all - near : near) * form;
+        for (uint32_t lane = 0; lane < valid; lane++) {
+            Vec3 radiance = mean;
+            if (!(all[lane] > 0))
+                continue;
+            if (far) {
+                radiance = blocker_shine(&grid->blockers[entries[k + lane]],
+                                         vec3(-way[0][lane], -way[1][lane], -way[2][lane]));
+                vec3_store(shine, vec3_mad(vec3_load(shine), radiance, all[lane] * form[lane]));
+                shine[3] += all[lane] * form[lane];
+            }
+            open *= take_object(share[lane], vec3_scale(radiance, share[lane]), none, bounce);
+        }
+    }
+    return open;
+}
+
+/* The same of all other objects, of one blocker or more. */
+static float sum_pieces(const BlockerGrid *grid, const uint32_t *entries, uint32_t count, const float point[3],
+                        const float normal[3], bool far, Vec3 *bounce)
+{
+    const Vec3 none = {0, 0, 0};
+    float open = 1, sum = 0;
+    Vec3 own = none, emitted = none;
+    uint32_t last = CHIARO_NONE;
+    for (uint32_t k = 0; k < count; k++) {
         const ChiaroWorldBlocker *blocker = &grid->blockers[entries[k]];
         Vec3 way = vec3_sub(vec3_load(point), vec3_load(blocker->center));
         float distance = vec3_length(way), share = chiaro_blocker_window(distance, CHIARO_BLOCKER_NEAR * blocker->radius);
         float all = far ? chiaro_blocker_window(distance, CHIARO_BLOCKER_REACH * blocker->radius) : share;
         if (!(all > 0))
             continue;
-        float form = blocker_form(blocker, point, normal);
-        share = far ? all - share : share;
+        float form = (far ? all - share : share) * blocker_form(blocker, point, normal);
         if (blocker->object != last) {
             open *= take_object(sum, own, emitted, bounce);
             sum = 0, own = emitted = none, last = blocker->object;
         }
-        Vec3 radiance = none;
-        if (k >= balls || far)
-            radiance = blocker_shine(blocker, way);
-        else if (shine[3] > 0)
-            radiance = vec3_scale(vec3_load(shine), 1 / shine[3]);
-        if (far && k < balls) {
-            vec3_store(shine, vec3_mad(vec3_load(shine), radiance, all * form));
-            shine[3] += all * form;
-        }
-        sum += share * form;
-        own = vec3_mad(own, radiance, share * form);
-        emitted = vec3_mad(emitted, vec3_load(blocker->emission), share * form);
+        sum += form;
+        own = vec3_mad(own, blocker_shine(blocker, way), form);
+        emitted = vec3_mad(emitted, vec3_load(blocker->emission), form);
     }
     return open * take_object(sum, own, emitted, bounce);
+}
+
+static float sum_cell(const BlockerGrid *grid, const float point[3], const float normal[3], bool far,
+                      ChiaroBlockedFar *blocked, Vec3 *bounce)
+{
+    const ChiaroBlockerCells *cells = far ? &grid->view.far : &grid->view.near;
+    uint32_t word = find_cell(cells, point), balls = CHIARO_CELL_BALLS(word);
+    const uint32_t *entries = cells->entries + CHIARO_CELL_FIRST(word);
+    *bounce = vec3(0, 0, 0);
+    float open = sum_balls(grid, entries, balls, point, normal, far, blocked->shine, bounce);
+    return open * sum_pieces(grid, entries + balls, CHIARO_CELL_OTHERS(word), point, normal, far, bounce);
 }
 
 static void blocked_far(const BlockerGrid *grid, const float point[3], const float normal[3], ChiaroBlockedFar *far)

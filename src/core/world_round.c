@@ -5,6 +5,7 @@
  * the round began, their order cannot be seen in what comes out, and urgency may choose it: what changed most, as large
  * as it is on screen.
  */
+#include "lanes.h"
 #include "world.h"
 #include "world_device.h"
 
@@ -217,15 +218,17 @@ static void begin_slice(ChiaroWorld *world, uint32_t units)
 
 static void publish(ChiaroWorld *world, Body *body)
 {
-    double change = 0, level = 0;
+    double change = 0, level = 0; /* of colours; in lanes, whose fourth is none */
     for (uint32_t slot = body->first_slot; slot < body->first_slot + body->object.part_count; slot++) {
         size_t first = 4 * (size_t)slot * world->texel_count;
         const float *texels = world->next.texels + first, *before = world->last.texels + first;
-        for (uint32_t i = 0; i < 4 * world->texel_count; i++) {
-            bool color = i % 4 < 3;
-            change += color ? fabs((double)texels[i] - (double)before[i]) : 0;
-            level += color ? fabs((double)texels[i]) : 0;
+        Lanes changes = lanes_of(0), levels = lanes_of(0);
+        for (uint32_t i = 0; i < 4 * world->texel_count; i += LANES) {
+            Lanes now = lanes_load(texels + i), step = now - lanes_load(before + i);
+            changes += lanes_max(step, -step), levels += lanes_max(now, -now);
         }
+        change += (double)(changes[0] + changes[1] + changes[2]);
+        level += (double)(levels[0] + levels[1] + levels[2]);
         /* The format was checked when the world was made. */
         (void)chiaro_cube_encode((ChiaroCubeFormat)world->desc.format, texels, world->texel_count,
                                  world->encoded + slot * world->encoded_bytes, &world->scales[slot]);

@@ -163,10 +163,11 @@ ChiaroResult chiaro_layouts_create(ChiaroVulkan *context);
 VkSampler chiaro_sampler_create(ChiaroVulkan *context, Arena *arena, VkFilter filter, VkSamplerAddressMode u,
                                 VkSamplerAddressMode v);
 VkDescriptorPool chiaro_pool_create(ChiaroVulkan *context, Arena *arena, uint32_t sets, uint32_t buffers,
-                                    uint32_t images, uint32_t texels);
+                                    uint32_t images, uint32_t texels, uint32_t uniforms);
 VkDescriptorSet chiaro_set_create(ChiaroVulkan *context, Arena *arena, VkDescriptorPool pool,
                                   VkDescriptorSetLayout layout);
-void chiaro_set_buffer(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer);
+void chiaro_set_buffer(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer,
+                       VkDescriptorType type);
 /* A buffer as texels, by a view that the arena keeps. */
 void chiaro_set_texels(ChiaroVulkan *context, Arena *arena, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer,
                        VkFormat format);
@@ -317,8 +318,8 @@ bool chiaro_objects_near(const ChiaroVulkan *context, const DrawPart *part);
 
 /* ---- objects.c ---------------------------------------------------------------------------------------------------- */
 
-/* Bindings of the set of objects: chiaro.glsl, CHIARO_OBJECT_SET. */
-enum { OBJECT_BINDINGS = 6 };
+/* Bindings of the set of objects: chiaro.glsl, CHIARO_OBJECT_SET. Those that are read as texels come first. */
+enum { OBJECT_TEXELS = 5, OBJECT_BINDINGS };
 
 /* The runs of draw parts that a mesh is. */
 typedef struct ObjectMesh {
@@ -350,7 +351,9 @@ typedef struct ObjectsState {
     SceneState meshes;
     Arena *arena, *read_arena; /* the second: memory that the host reads */
     bool has_gi;
-    DeviceBuffer instances, vertices, scale_buffer, cube_buffer, blockers, grid, read_back;
+    DeviceBuffer instances, vertices, scale_buffer, cube_buffer, blockers, grid, shape_buffer, read_back;
+    ChiaroGpuShape shape; /* as the device has it, or shall have */
+    bool shape_due;
     VkDescriptorSet set;
     ObjectMesh *meshes_by_number;
     uint32_t mesh_count, capacity, slot_count;
@@ -364,7 +367,7 @@ typedef struct ObjectsState {
     bool pieces; /* not all objects are plain balls */
     uint32_t painted_count, fading;
     uint64_t moves; /* of the world, when its objects were looked at last */
-    bool show_changed, info_written;
+    bool show_changed, scales_written;
     GridsState grids;
     uint64_t upload_bytes, bytes;
     bool light_due;      /* the world's light is not that of the device */
@@ -437,6 +440,7 @@ struct ChiaroVulkan {
     BounceState bounce;
     Pipeline pipelines[PIPELINES];
     uint32_t idle_pipelines;
+    uint32_t cube_edge, cube_format; /* pipelines for objects are compiled for cubes stored so */
     bool gi_changed; /* something that bounce light depends on has changed since the last update */
     uint32_t *sample_code; /* the host's */
     uint32_t dispatches, shadow_passes, tasks; /* of the last update */

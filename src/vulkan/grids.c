@@ -100,10 +100,8 @@ static uint32_t pack_cell(const ObjectsState *state, const ChiaroWorldBlockers *
 static void write_words(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t first, const uint32_t *words,
                         uint32_t count)
 {
-    const GridsState *grids = &context->objects.grids;
     if (count > 0)
-        chiaro_record_write(context, commands, context->objects.grid, sizeof grids->head + 4 * (uint64_t)first, words,
-                            4 * (uint64_t)count);
+        chiaro_record_write(context, commands, context->objects.grid, 4 * (uint64_t)first, words, 4 * (uint64_t)count);
 }
 
 /* Cells of the near grid, and their entries. */
@@ -130,11 +128,12 @@ static uint32_t take_piece(GridsState *grids, uint32_t end, uint32_t most, uint3
     return grids->cursor - *first;
 }
 
-static void send_head(ChiaroVulkan *context, VkCommandBuffer commands, const ChiaroWorldBlockers *b)
+/* The head is part of what all objects share. */
+static void show(ObjectsState *state, const ChiaroWorldBlockers *b)
 {
-    ObjectsState *state = &context->objects;
     GridsState *grids = &state->grids;
-    chiaro_record_write(context, commands, state->grid, 0, grids->head, sizeof grids->head);
+    state->shape.near = grids->head[0], state->shape.far = grids->head[1];
+    state->shape_due = true;
     grids->half = !grids->half;
     grids->shown = grids->revision;
     /* The far grid reaches further than the near one. */
@@ -175,7 +174,7 @@ static void send_piece(ChiaroVulkan *context, VkCommandBuffer commands, const Ch
                             (first_blocker(state) + (uint64_t)first) * sizeof *b->blockers, b->blockers + first,
                             count * sizeof *b->blockers);
         break;
-    default: send_head(context, commands, b);
+    default: show(state, b);
     }
     if (grids->cursor < end)
         return;

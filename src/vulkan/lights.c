@@ -158,7 +158,7 @@ static ChiaroResult create_maps(ChiaroVulkan *context, uint32_t faces, uint32_t 
                                      layers[i]);
         create_framebuffers(context, arena, images[i], sizes[i], layers[i], framebuffers + (i ? layers[0] : 0));
     }
-    VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, 1, chiaro_vulkan_own_shadows(context) ? 2 : 0, 0);
+    VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, 1, chiaro_vulkan_own_shadows(context) ? 2 : 0, 0, 0);
     VkDescriptorSet set = chiaro_set_create(context, arena, pool, context->layouts.lights);
     if (arena->result != CHIARO_OK) {
         ChiaroResult result = arena->result;
@@ -167,7 +167,7 @@ static ChiaroResult create_maps(ChiaroVulkan *context, uint32_t faces, uint32_t 
         return result;
     }
     /* A kind that no light has borrows the other's image: it is bound, never read. */
-    chiaro_set_buffer(context, set, 0, buffer);
+    chiaro_set_buffer(context, set, 0, buffer, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
     for (uint32_t i = 0; i < 2 && chiaro_vulkan_own_shadows(context); i++)
         chiaro_set_image(context, set, 1 + i, views[i] ? views[i] : views[1 - i], context->layouts.point,
                          VK_IMAGE_LAYOUT_DEPTH_STENCIL_READ_ONLY_OPTIMAL);

@@ -92,6 +92,8 @@ static ChiaroResult create_lists(ChiaroVulkan *context, const ChiaroVulkanObject
     state->slot_count = world->cube_capacity;
     state->texels = 6 * world->edge * world->edge;
     state->words = state->texels * chiaro_cube_format_size(world->format) / 4;
+    state->shape = (ChiaroGpuShape){.cubes = {world->edge, world->format, state->words}};
+    state->shape_due = true;
     state->meshes_by_number = chiaro_vulkan_alloc(context, info->mesh_count, sizeof *state->meshes_by_number);
     state->shown = chiaro_vulkan_alloc(context, state->capacity, sizeof *state->shown);
     state->slots = chiaro_vulkan_alloc(context, state->slot_count, sizeof *state->slots);
@@ -130,30 +132,31 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
     uint64_t *bytes = &state->bytes;
     struct {
         DeviceBuffer *buffer;
-        uint64_t size; /* 0: it is there already */
+        uint64_t size;
         VkFormat format;
-    } wanted[OBJECT_BINDINGS] = {
+    } wanted[OBJECT_TEXELS] = {
         {&state->instances, capacity * sizeof(ChiaroGpuObject), fours},
-        {&state->scale_buffer, sizeof(ChiaroGpuCubes) + slots * 2 * sizeof(float), VK_FORMAT_R32G32_UINT},
+        {&state->scale_buffer, slots * 2 * sizeof(float), VK_FORMAT_R32G32_UINT},
         {&state->cube_buffer, slots * 2 * state->words * sizeof(uint32_t), word},
         {&state->blockers, 2 * sizeof(ChiaroWorldBlocker) * chiaro_grids_blockers(state->capacity), word},
-        {&state->grid, sizeof state->grids.head + 2 * sizeof(uint32_t) * chiaro_grids_words(state->capacity), word},
-        {&state->grid, 0, fours},
+        {&state->grid, 2 * sizeof(uint32_t) * chiaro_grids_words(state->capacity), word},
     };
-    for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
-        if (wanted[i].size > 0)
-            *wanted[i].buffer =
-                chiaro_arena_buffer(context, arena, gi || i == 0 ? wanted[i].size : 16, texels, false, bytes);
+    for (uint32_t i = 0; i < OBJECT_TEXELS; i++)
+        *wanted[i].buffer = chiaro_arena_buffer(context, arena, gi || i == 0 ? wanted[i].size : 16, texels, false, bytes);
+    state->shape_buffer = chiaro_arena_buffer(context, arena, sizeof state->shape,
+                                              VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | copied, false, bytes);
     state->has_gi = gi;
     if (gi && !context->desc.light_only) {
         state->vertices = chiaro_arena_buffer(context, arena, info->scene->vertex_count * sizeof(ChiaroObjectVertex),
                                               VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | copied, false, bytes);
     }
     chiaro_arena_bind(context, arena);
-    VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, 0, 0, OBJECT_BINDINGS);
+    VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, 0, 0, OBJECT_TEXELS, OBJECT_BINDINGS - OBJECT_TEXELS);
     state->set = chiaro_set_create(context, arena, pool, context->layouts.objects);
-    for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
+    for (uint32_t i = 0; i < OBJECT_TEXELS; i++)
         chiaro_set_texels(context, arena, state->set, i, *wanted[i].buffer, wanted[i].format);
+    if (arena->result == CHIARO_OK)
+        chiaro_set_buffer(context, state->set, OBJECT_TEXELS, state->shape_buffer, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER);
     return arena->result;
 }
 
@@ -197,6 +200,16 @@ static ChiaroResult fill_vertices(ChiaroVulkan *context, const ChiaroVulkanObjec
     return result;
 }
 
+/* Pipelines are made for one shape of cubes. */
+static void take_cube_shape(ChiaroVulkan *context, const ChiaroWorldDesc *world)
+{
+    bool other = context->cube_edge != world->edge || context->cube_format != world->format;
+    if (context->cube_edge != 0 && other)
+        chiaro_pipelines_retire(context, false);
+    context->cube_edge = world->edge;
+    context->cube_format = world->format;
+}
+
 /* A scene that is drawn as it is: no bake has cut it up. */
 static ChiaroTransport plain_transport(const ChiaroScene *scene)
 {
@@ -222,6 +235,7 @@ ChiaroResult chiaro_objects_load(ChiaroVulkan *context, const ChiaroVulkanObject
     state->visible = info->visible;
     state->user = info->user;
     state->cubes = info->cubes ? info->cubes : DEFAULT_CUBES;
+    take_cube_shape(context, chiaro_world_desc(info->world));
     result = chiaro_scene_upload(context, &state->meshes, &meshes, info->command_buffer);
     if (result == CHIARO_OK)
         result = create_lists(context, info);
@@ -502,7 +516,6 @@ static void take_cube(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t 
 static void fade_cubes(ChiaroVulkan *context, VkCommandBuffer commands)
 {
     ObjectsState *state = &context->objects;
-    const ChiaroWorldDesc *world = chiaro_world_desc(state->world);
     uint32_t first = CHIARO_NONE, end = 0;
     state->fading = 0;
     for (uint32_t i = 0; i < state->slot_count; i++) {
@@ -517,16 +530,12 @@ static void fade_cubes(ChiaroVulkan *context, VkCommandBuffer commands)
         first = first == CHIARO_NONE ? i : first;
         end = i + 1;
     }
-    if (!state->info_written) {
-        ChiaroGpuCubes info = {.shape = {world->edge, world->format, state->words, 0}};
-        chiaro_record_write(context, commands, state->scale_buffer, 0, &info, sizeof info);
-        chiaro_record_write(context, commands, state->scale_buffer, sizeof info, state->scales,
-                            2 * sizeof(float) * (uint64_t)state->slot_count);
-        state->info_written = true;
-    } else if (first != CHIARO_NONE) {
-        chiaro_record_write(context, commands, state->scale_buffer, sizeof(ChiaroGpuCubes) + 2 * sizeof(float) * first,
+    if (!state->scales_written)
+        first = 0, end = state->slot_count;
+    state->scales_written = true;
+    if (first != CHIARO_NONE)
+        chiaro_record_write(context, commands, state->scale_buffer, 2 * sizeof(float) * first,
                             state->scales + 2 * (size_t)first, 2 * sizeof(float) * (uint64_t)(end - first));
-    }
 }
 
 /* ---- the frame ---------------------------------------------------------------------------------------------------- */
@@ -570,8 +579,8 @@ static bool is_idle(const ChiaroVulkan *context)
     if (state->show_changed || state->shadow_moved || state->moves != chiaro_world_moves(state->world))
         return false;
     return !chiaro_vulkan_object_gi(context) ||
-           (state->info_written && state->fading == 0 && !state->light_due && state->read_frame == 0 &&
-            chiaro_world_settled(state->world) && !chiaro_grids_due(context));
+           (state->scales_written && !state->shape_due && state->fading == 0 && !state->light_due &&
+            state->read_frame == 0 && chiaro_world_settled(state->world) && !chiaro_grids_due(context));
 }
 
 void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info)
@@ -594,6 +603,9 @@ void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info
         take_light(context, info->completed_frame);
         run_world(context, info);
         fade_cubes(context, commands);
+        if (state->shape_due)
+            chiaro_record_write(context, commands, state->shape_buffer, 0, &state->shape, sizeof state->shape);
+        state->shape_due = false;
         chiaro_vulkan_lap(context, LAP_CUBES);
     }
     chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT, readers,

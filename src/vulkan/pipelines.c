@@ -79,13 +79,13 @@ ChiaroResult chiaro_layouts_create(ChiaroVulkan *context)
     const VkShaderStageFlags fragment = VK_SHADER_STAGE_FRAGMENT_BIT, compute = VK_SHADER_STAGE_COMPUTE_BIT;
     const VkShaderStageFlags any = VK_SHADER_STAGE_VERTEX_BIT | fragment | compute; /* hosts bind them too */
     const VkDescriptorType buffer = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, image = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
-                           texels = VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER;
+                           texels = VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, uniform = VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
     VkDescriptorSetLayoutBinding lights[] = {{0, buffer, 1, any, NULL}, {1, image, 1, any, NULL}, {2, image, 1, any, NULL}};
     VkDescriptorSetLayoutBinding textures[] = {{0, image, 1, fragment, NULL}, {1, image, 1, fragment, NULL}};
     VkDescriptorSetLayoutBinding irradiance[] = {{0, texels, 1, any, NULL}};
     VkDescriptorSetLayoutBinding objects[OBJECT_BINDINGS], gi[GI_BINDINGS];
     for (uint32_t i = 0; i < OBJECT_BINDINGS; i++)
-        objects[i] = (VkDescriptorSetLayoutBinding){i, texels, 1, any, NULL};
+        objects[i] = (VkDescriptorSetLayoutBinding){i, i < OBJECT_TEXELS ? texels : uniform, 1, any, NULL};
     for (uint32_t i = 0; i < GI_BINDINGS; i++)
         gi[i] = (VkDescriptorSetLayoutBinding){i, i < GI_TEXELS ? texels : buffer, 1, compute, NULL};
     Layouts *layouts = &context->layouts;
@@ -123,12 +123,12 @@ VkSampler chiaro_sampler_create(ChiaroVulkan *context, Arena *arena, VkFilter fi
 }
 
 VkDescriptorPool chiaro_pool_create(ChiaroVulkan *context, Arena *arena, uint32_t sets, uint32_t buffers,
-                                    uint32_t images, uint32_t texels)
+                                    uint32_t images, uint32_t texels, uint32_t uniforms)
 {
     VkDescriptorPool pool = VK_NULL_HANDLE;
     if (arena->result != CHIARO_OK)
         return pool;
-    VkDescriptorPoolSize sizes[3];
+    VkDescriptorPoolSize sizes[4];
     uint32_t count = 0;
     if (buffers > 0)
         sizes[count++] = (VkDescriptorPoolSize){VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, buffers};
@@ -136,6 +136,8 @@ VkDescriptorPool chiaro_pool_create(ChiaroVulkan *context, Arena *arena, uint32_
         sizes[count++] = (VkDescriptorPoolSize){VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, images};
     if (texels > 0)
         sizes[count++] = (VkDescriptorPoolSize){VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, texels};
+    if (uniforms > 0)
+        sizes[count++] = (VkDescriptorPoolSize){VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, uniforms};
     VkDescriptorPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO,
                                        .maxSets = sets,
                                        .poolSizeCount = count,
@@ -163,14 +165,15 @@ VkDescriptorSet chiaro_set_create(ChiaroVulkan *context, Arena *arena, VkDescrip
     return set;
 }
 
-void chiaro_set_buffer(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer)
+void chiaro_set_buffer(ChiaroVulkan *context, VkDescriptorSet set, uint32_t binding, DeviceBuffer buffer,
+                       VkDescriptorType type)
 {
     VkDescriptorBufferInfo info = {buffer.buffer, 0, VK_WHOLE_SIZE};
     VkWriteDescriptorSet write = {.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
                                   .dstSet = set,
                                   .dstBinding = binding,
                                   .descriptorCount = 1,
-                                  .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                                  .descriptorType = type,
                                   .pBufferInfo = &info};
     context->vk.UpdateDescriptorSets(context->desc.device, 1, &write, 0, NULL);
 }
@@ -336,15 +339,21 @@ static VkPipeline create_graphics(ChiaroVulkan *context, Arena *arena, const Gra
 typedef struct ForwardConstants {
     uint32_t component;
     VkBool32 tone_map, masked, sky_sun, pieces;
+    uint32_t cube_edge, cube_format;
 } ForwardConstants;
 
-static const VkSpecializationMapEntry forward_entries[5] = {{0, offsetof(ForwardConstants, component), 4},
-                                                            {1, offsetof(ForwardConstants, tone_map), 4},
-                                                            {2, offsetof(ForwardConstants, masked), 4},
-                                                            {3, offsetof(ForwardConstants, sky_sun), 4},
-                                                            {4, offsetof(ForwardConstants, pieces), 4}};
+enum { FORWARD_CONSTANTS = 7 };
+static const VkSpecializationMapEntry forward_entries[FORWARD_CONSTANTS] = {
+    {0, offsetof(ForwardConstants, component), 4},
+    {1, offsetof(ForwardConstants, tone_map), 4},
+    {2, offsetof(ForwardConstants, masked), 4},
+    {3, offsetof(ForwardConstants, sky_sun), 4},
+    {4, offsetof(ForwardConstants, pieces), 4},
+    {5, offsetof(ForwardConstants, cube_edge), 4},
+    {6, offsetof(ForwardConstants, cube_format), 4}};
 
-/* Vertices of what stays: with the irradiance of each. Of objects: with what their bake says. */
+/* Vertices of what stays: with the irradiance of each. Of objects: with what their bake says. Of the latter, four floats
+ * are taken where three are wanted: they are fetched faster. */
 enum { VERTEX_ATTRIBUTES = 5, STILL_ATTRIBUTES = 1, OBJECT_ATTRIBUTES = 4 };
 
 static void create_forward(ChiaroVulkan *context, Pipeline *made, uint32_t lighting, uint32_t surface, bool object)
@@ -365,10 +374,10 @@ static void create_forward(ChiaroVulkan *context, Pipeline *made, uint32_t light
         {2, 0, VK_FORMAT_R32G32_SFLOAT, offsetof(ChiaroVertex, uv)},
         {3, 0, VK_FORMAT_R32G32_SFLOAT, offsetof(ChiaroVertex, emission_uv)},
         {4, 0, VK_FORMAT_R32G32B32A32_SFLOAT, offsetof(ChiaroVertex, color)},
-        {5, 1, VK_FORMAT_R32G32B32A32_SFLOAT, 0}}; /* four floats fetch faster than three */
+        {5, 1, VK_FORMAT_R32G32B32A32_SFLOAT, 0}};
     const VkVertexInputAttributeDescription baked[OBJECT_ATTRIBUTES] = {
-        {5, 1, VK_FORMAT_R32G32B32_SFLOAT, offsetof(ChiaroObjectVertex, cavity)},
-        {6, 1, VK_FORMAT_R32G32B32_SFLOAT, offsetof(ChiaroObjectVertex, bent)},
+        {5, 1, VK_FORMAT_R32G32B32A32_SFLOAT, offsetof(ChiaroObjectVertex, cavity)},
+        {6, 1, VK_FORMAT_R32G32B32A32_SFLOAT, offsetof(ChiaroObjectVertex, bent)},
         {7, 1, VK_FORMAT_R8G8B8A8_UINT, offsetof(ChiaroObjectVertex, parts)},
         {8, 1, VK_FORMAT_R8G8B8A8_UNORM, offsetof(ChiaroObjectVertex, weights)}};
     if (object)
@@ -381,8 +390,8 @@ static void create_forward(ChiaroVulkan *context, Pipeline *made, uint32_t light
                                                   .pVertexAttributeDescriptions = attributes};
     ForwardConstants constants = {context->settings.component, context->settings.tone_map,
                                   (surface & SURFACE_MASKED) != 0, (lighting & FORWARD_SUN) != 0,
-                                  (lighting & FORWARD_PIECES) != 0};
-    VkSpecializationInfo specialization = {5, forward_entries, sizeof constants, &constants};
+                                  (lighting & FORWARD_PIECES) != 0, context->cube_edge, context->cube_format};
+    VkSpecializationInfo specialization = {FORWARD_CONSTANTS, forward_entries, sizeof constants, &constants};
     made->layout = create_layout(context, made->arena, 4, sets,
                                  VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, sizeof(ChiaroForwardPush));
     static const uint32_t fragments[8] = {
@@ -439,8 +448,8 @@ static void create_shadow(ChiaroVulkan *context, Pipeline *made, uint32_t kind)
 static void create_background(ChiaroVulkan *context, Pipeline *made)
 {
     VkPipelineVertexInputStateCreateInfo input = {.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO};
-    ForwardConstants constants = {0, context->settings.tone_map, VK_FALSE, VK_FALSE, VK_FALSE};
-    VkSpecializationInfo specialization = {5, forward_entries, sizeof constants, &constants};
+    ForwardConstants constants = {.tone_map = context->settings.tone_map};
+    VkSpecializationInfo specialization = {FORWARD_CONSTANTS, forward_entries, sizeof constants, &constants};
     made->layout = create_layout(context, made->arena, 1, &context->layouts.sky,
                                  VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, sizeof(ChiaroSkyPush));
     GraphicsDesc desc = {.vertex = SHADER_sky_vert,

@@ -139,7 +139,7 @@ static void create_texture_sets(ChiaroVulkan *context, SceneState *state, const 
         count += is_textured(&scene->materials[scene->parts[p].material]) && first_use(scene, p);
     if (count == 0)
         return;
-    VkDescriptorPool pool = chiaro_pool_create(context, state->arena, count, 0, 2 * count, 0);
+    VkDescriptorPool pool = chiaro_pool_create(context, state->arena, count, 0, 2 * count, 0, 0);
     for (uint32_t p = 0; p < scene->part_count; p++) {
         uint32_t m = scene->parts[p].material;
         const ChiaroMaterial *material = &scene->materials[m];
@@ -265,14 +265,14 @@ static void create_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTran
     if (!context->desc.sliced) /* it is bound, never used */
         state->coming = state->irradiance;
     chiaro_arena_bind(context, arena);
-    VkDescriptorPool pool = chiaro_pool_create(context, arena, 2, GI_BINDINGS - GI_TEXELS, 0, GI_TEXELS + 1);
+    VkDescriptorPool pool = chiaro_pool_create(context, arena, 2, GI_BINDINGS - GI_TEXELS, 0, GI_TEXELS + 1, 0);
     state->gi_set = chiaro_set_create(context, arena, pool, context->layouts.gi);
     state->irradiance_set = chiaro_set_create(context, arena, pool, context->layouts.irradiance);
     for (uint32_t i = 0; i < GI_TEXELS; i++)
         chiaro_set_texels(context, arena, state->gi_set, i, *wanted[i].buffer, wanted[i].format);
     chiaro_set_texels(context, arena, state->irradiance_set, 0, state->irradiance, floats);
     for (uint32_t i = GI_TEXELS; i < GI_BINDINGS && arena->result == CHIARO_OK; i++)
-        chiaro_set_buffer(context, state->gi_set, i, *wanted[i].buffer);
+        chiaro_set_buffer(context, state->gi_set, i, *wanted[i].buffer, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
 }
 
 static void put(ChiaroVulkan *context, Upload *upload, DeviceBuffer buffer, const void *data)

@@ -28,7 +28,7 @@ static ChiaroResult create_image(ChiaroVulkan *context, const ChiaroSky *sky, Sk
                                      VK_IMAGE_USAGE_SAMPLED_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT, &made->bytes);
     chiaro_arena_bind(context, arena);
     VkImageView view = chiaro_arena_view(context, arena, made->image, VK_IMAGE_VIEW_TYPE_2D, format, 0, 1);
-    VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, 0, 1, 0);
+    VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, 0, 1, 0, 0);
     made->descriptor = chiaro_set_create(context, arena, pool, context->layouts.sky);
     if (arena->result != CHIARO_OK)
         return arena->result;
