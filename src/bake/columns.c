@@ -18,7 +18,7 @@ static const float LEVEL_POWER = 0.75f;
 /* Training lights below this part of the brightest do not count in a block. */
 static const float LEAST_LEVEL = 1e-6f;
 /* Training lights that are taken, for each that shares in a block's light as if all were equally bright; the least. */
-static const double COLUMNS_A_LIGHT = 16, LEAST_COLUMNS = 256;
+static const double COLUMNS_A_LIGHT = 12, LEAST_COLUMNS = 256;
 /* Uniform light and the scene's own emitters count as much as this many training lights. */
 static const float SPECIAL_COLUMNS = 8;
 

@@ -80,6 +80,13 @@ WIDE void chiaro_axpy_double(double *restrict y, double s, const double *restric
         y[i] += s * x[i];
 }
 
+WIDE void chiaro_axpy_panel(double *restrict y, const double s[CHIARO_PANEL], const double *x, size_t stride, size_t n)
+{
+    const double *a = x, *b = x + stride, *c = x + 2 * stride, *d = x + 3 * stride;
+    for (size_t i = 0; i < n; i++)
+        y[i] += (s[0] * a[i] + s[1] * b[i]) + (s[2] * c[i] + s[3] * d[i]);
+}
+
 WIDE double chiaro_dot_double(const double *a, const double *b, size_t n)
 {
     double lane[LANES] = {0};

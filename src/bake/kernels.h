@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { CHIARO_LANES = 16 };
+enum { CHIARO_LANES = 16, CHIARO_PANEL = 4 };
 
 /* Sum of a[i] * b[i]; n is a multiple of CHIARO_LANES. */
 float chiaro_dot(const float *a, const float *b, size_t n);
@@ -15,6 +15,8 @@ double chiaro_dot_double(const double *a, const double *b, size_t n);
 void chiaro_axpy(float *restrict y, float s, const float *restrict x, size_t n);
 /* The same in double precision; any n. */
 void chiaro_axpy_double(double *restrict y, double s, const double *restrict x, size_t n);
+/* y[i] += the sum of s[k] * x[k * stride + i], k < CHIARO_PANEL; any n. y is apart from x. */
+void chiaro_axpy_panel(double *restrict y, const double s[CHIARO_PANEL], const double *x, size_t stride, size_t n);
 /* out[i * count + j] = the product of rows i and j, which lie `stride` apart; n is a multiple of CHIARO_LANES. */
 void chiaro_gram(const float *rows, size_t count, size_t stride, size_t n, double *out);
 /* out[i] = row[columns[i]] * scale[i]. */

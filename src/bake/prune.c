@@ -17,7 +17,7 @@ bool chiaro_prune_create(Prune *prune, const Baker *baker, uint32_t capacity, ui
     prune->parent = malloc(baker->node_count * sizeof *prune->parent);
     prune->place = malloc(baker->node_count * sizeof *prune->place);
     prune->nodes = malloc(capacity * sizeof *prune->nodes);
-    prune->column = malloc(capacity * sizeof *prune->column);
+    prune->column = malloc((size_t)CHIARO_PANEL * capacity * sizeof *prune->column);
     prune->step = malloc(capacity * sizeof *prune->step);
     bool ok = prune->parent && prune->place && prune->nodes && prune->column && prune->step;
     for (uint32_t c = 0; c < channels; c++) {
@@ -48,24 +48,58 @@ void chiaro_prune_destroy(Prune *prune)
     }
 }
 
-/* In place: the lower triangle of a positive definite matrix becomes that of its inverse, and the upper one follows (once:
- * what changes the inverse later keeps to the lower). Each step makes one unknown a known (Beaton's sweep); no pivoting is
- * needed. */
-static void invert(double *a, uint32_t n, uint32_t stride, double *column)
+/* An element of a symmetric matrix, of which the lower triangle is kept. */
+static double *at(double *a, size_t stride, size_t i, size_t j)
 {
-    for (uint32_t k = 0; k < n; k++) {
-        double *pivot = a + (size_t)k * stride;
+    return &a[i > j ? i * stride + j : j * stride + i];
+}
+
+/* Beaton's sweep of the unknowns k .. k + width - 1, one after the other: each makes an unknown a known, and needs but its
+ * own column, as those before it have left it. All else changes by their sum, in one pass over the matrix. */
+static void sweep(double *a, uint32_t n, size_t stride, uint32_t k, uint32_t width, double *panel)
+{
+    double inverse[CHIARO_PANEL] = {0}, part[CHIARO_PANEL];
+    memset(panel, 0, CHIARO_PANEL * stride * sizeof *panel);
+    for (uint32_t t = 0; t < width; t++) {
+        double *own = panel + t * stride;
         for (uint32_t i = 0; i < n; i++)
-            column[i] = i < k ? pivot[i] : a[(size_t)i * stride + k];
-        double inverse = column[k] > 0 ? 1 / column[k] : 0;
-        for (uint32_t i = 0; i < n; i++) {
-            if (i != k)
-                chiaro_axpy_double(a + (size_t)i * stride, -column[i] * inverse, column, i + 1);
+            own[i] = *at(a, stride, i, k + t);
+        for (uint32_t s = 0; s < t; s++) {
+            const double *before = panel + s * stride;
+            double along = inverse[s] * before[k + t];
+            chiaro_axpy_double(own, -along, before, n);
+            own[k + s] = along;
         }
-        for (uint32_t i = 0; i < n; i++)
-            *(i < k ? &pivot[i] : &a[(size_t)i * stride + k]) = column[i] * inverse;
-        pivot[k] = -inverse;
+        inverse[t] = own[k + t] > 0 ? 1 / own[k + t] : 0;
     }
+    for (uint32_t i = 0; i < n; i++) {
+        for (uint32_t t = 0; t < CHIARO_PANEL; t++)
+            part[t] = -inverse[t] * panel[t * stride + i];
+        if (i < k || i >= k + width)
+            chiaro_axpy_panel(a + i * stride, part, panel, stride, i + 1);
+    }
+    for (uint32_t t = 0; t < width; t++) {
+        double *own = panel + t * stride;
+        for (uint32_t i = 0; i < n; i++) {
+            bool swept = i >= k && i < k + width;
+            double value = i == k + t ? -inverse[t] : inverse[t] * own[i];
+            if (swept && i < k + t)
+                continue; /* an element of two of them: it was made with the earlier one */
+            for (uint32_t s = t + 1; s < width; s++) {
+                const double *after = panel + s * stride;
+                value = i == k + s ? inverse[s] * after[k + t] : value - inverse[s] * after[i] * after[k + t];
+            }
+            *at(a, stride, i, k + t) = value;
+        }
+    }
+}
+
+/* In place: the lower triangle of a positive definite matrix becomes that of its inverse, and the upper one follows (once:
+ * what changes the inverse later keeps to the lower). No pivoting is needed. */
+static void invert(double *a, uint32_t n, uint32_t stride, double *panel)
+{
+    for (uint32_t k = 0; k < n; k += CHIARO_PANEL)
+        sweep(a, n, stride, k, n - k < CHIARO_PANEL ? n - k : CHIARO_PANEL, panel);
     for (uint32_t i = 0; i < n; i++) {
         for (uint32_t j = 0; j <= i; j++)
             a[(size_t)i * stride + j] = a[(size_t)j * stride + i] = -a[(size_t)i * stride + j];
@@ -94,12 +128,6 @@ typedef struct Step {
     double share_i, share_j; /* of their parent's area: weight[i] / share_i = weight[j] / share_j */
     double cost;
 } Step;
-
-/* An element of the inverse, of which the lower triangle is kept. */
-static double *at(double *inverse, size_t stride, size_t i, size_t j)
-{
-    return &inverse[i > j ? i * stride + j : j * stride + i];
-}
 
 static double step_cost(const Prune *prune, const Step *step)
 {

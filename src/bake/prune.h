@@ -15,7 +15,8 @@ typedef struct Prune {
     double *weights[3]; /* [node][pattern] */
     double gain[CHIARO_BLOCK_RANK]; /* of each pattern: how much less the squared error is than without any weight */
     uint32_t *parent, *place; /* of each node of the tree: its parent; its place in `nodes` */
-    double *column, *step;
+    double *column; /* CHIARO_PANEL of them */
+    double *step;
 } Prune;
 
 bool chiaro_prune_create(Prune *prune, const Baker *baker, uint32_t capacity, uint32_t channels);

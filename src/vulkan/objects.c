@@ -609,7 +609,7 @@ void chiaro_objects_update(ChiaroVulkan *context, const ChiaroVulkanUpdate *info
         chiaro_vulkan_lap(context, LAP_CUBES);
     }
     chiaro_record_barrier(context, commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_ACCESS_TRANSFER_WRITE_BIT, readers,
-                          VK_ACCESS_SHADER_READ_BIT);
+                          VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_UNIFORM_READ_BIT);
 }
 
 ChiaroResult chiaro_objects_show(ChiaroVulkan *context, uint32_t id, uint32_t mesh)
