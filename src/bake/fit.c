@@ -36,7 +36,7 @@ static const double ROUNDING = 1e-6;
 /* Weights are this free: as a part of themselves plus a part of the mean weight. */
 static const double FREEDOM_OF_MEAN = 0.5;
 /* The first cut is this much finer than the one that is left. */
-static const double FINER = 1.25;
+static const double FINER = 1.5;
 /* What a block may spend on patterns: the square of their number, in K; at most, and at least as a part of that. */
 static const double PATTERNS = 4.5, FEWEST_PATTERNS = 1.0 / 9;
 /* Where few training lights share in a block's light, few patterns can be told from chance: this many lights for each unit

@@ -326,17 +326,34 @@ ChiaroResult chiaro_bake_gather(const Baker *baker, const float *direct, uint32_
     return CHIARO_OK;
 }
 
+typedef struct Radiosity {
+    const Baker *baker;
+    const float *direct, *irradiance, *scale;
+    uint32_t columns, carried_columns;
+    const uint8_t *channel;
+    float *carried;
+} Radiosity;
+
+static void carry_leaves(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    const Radiosity *r = user;
+    size_t columns = r->columns;
+    (void)thread;
+    for (size_t l = begin; l < end; l++) {
+        for (size_t t = 0; t < columns; t++) {
+            float light = r->direct[l * columns + t];
+            if (l < r->baker->sample_count)
+                light += r->baker->samples[l].albedo[r->channel[t]] * fmaxf(0, r->irradiance[l * columns + t]);
+            r->carried[l * r->carried_columns + t] = r->scale ? light * r->scale[t] : light;
+        }
+    }
+}
+
 void chiaro_bake_carry(const Baker *baker, const float *direct, const float *irradiance, uint32_t columns,
                        const uint8_t *channel, const float *scale, float *carried, uint32_t carried_columns)
 {
-    for (size_t l = 0; l < baker->leaf_count; l++) {
-        for (size_t t = 0; t < columns; t++) {
-            float light = direct[l * columns + t];
-            if (l < baker->sample_count)
-                light += baker->samples[l].albedo[channel[t]] * fmaxf(0, irradiance[l * columns + t]);
-            carried[l * carried_columns + t] = scale ? light * scale[t] : light;
-        }
-    }
+    Radiosity radiosity = {baker, direct, irradiance, scale, columns, carried_columns, channel, carried};
+    chiaro_parallel_for(baker->desc.threads, baker->leaf_count, 256, carry_leaves, &radiosity, NULL, NULL);
 }
 
 /* What samples carry at run time, for every training light. */

@@ -17,7 +17,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LEAST_LIGHTS = 1536, MOST_LIGHTS = 2048, MORE_BATCHES = 8 };
+enum { LEAST_LIGHTS = 1536, MOST_LIGHTS = 2048, MORE_BATCHES = 8, SUM_RUN = 256 };
 /* Of the lights of a scene that is open: suns, skies; the least of either. */
 static const float SUNS = 0.04f, SKIES = 0.37f, LEAST_PART = 0.008f;
 static const double MORE_BYTES = 800e6;
@@ -281,15 +281,33 @@ done:
     return result;
 }
 
-void chiaro_bake_tree_sum(const Baker *baker, float *table, uint32_t columns)
+typedef struct TreeSum {
+    const Baker *baker;
+    float *table;
+    uint32_t columns;
+} TreeSum;
+
+/* Runs of columns; all nodes, as their sources come before them. */
+static void sum_columns(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
+    const TreeSum *sum = user;
+    const Baker *baker = sum->baker;
+    size_t columns = sum->columns, first = (size_t)begin * SUM_RUN, width = (size_t)end * SUM_RUN - first;
+    width = first + width < columns ? width : columns - first;
+    (void)thread;
     for (uint32_t n = baker->leaf_count; n < baker->node_count; n++) {
         const ChiaroNode *node = &baker->nodes[n];
-        float *row = table + (size_t)n * columns, weight = 0;
-        memset(row, 0, columns * sizeof *row);
+        float *row = sum->table + n * columns + first, weight = 0;
+        memset(row, 0, width * sizeof *row);
         for (uint32_t k = node->source_first; k < node->source_first + node->source_count; k++)
             weight += baker->nodes[k].area;
         for (uint32_t k = node->source_first; k < node->source_first + node->source_count; k++)
-            chiaro_axpy(row, baker->nodes[k].area / weight, table + (size_t)k * columns, columns);
+            chiaro_axpy(row, baker->nodes[k].area / weight, sum->table + k * columns + first, width);
     }
+}
+
+void chiaro_bake_tree_sum(const Baker *baker, float *table, uint32_t columns)
+{
+    TreeSum sum = {baker, table, columns};
+    chiaro_parallel_for(baker->desc.threads, (columns + SUM_RUN - 1) / SUM_RUN, 1, sum_columns, &sum, NULL, NULL);
 }
