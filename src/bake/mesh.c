@@ -446,38 +446,62 @@ static void find_inside(uint32_t begin, uint32_t end, uint32_t thread, void *use
     }
 }
 
-/* Moves receivers inside solids to where the nearest edge comes out. */
-static void move_outside(Receivers *receivers)
+/* From a receiver inside a solid along an edge to one outside. */
+typedef struct Way {
+    const Receivers *receivers;
+    uint32_t hidden, open;
+    float out; /* where it comes out: part of the edge */
+} Way;
+
+static void find_out(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
-    Mesh *mesh = receivers->mesh;
+    for (Way *way = (Way *)user + begin; way < (Way *)user + end; way++) {
+        const Draft *hidden = &way->receivers->drafts[way->hidden], *open = &way->receivers->drafts[way->open];
+        float low = 0, high = 1;
+        for (uint32_t step = 0; step < BISECTIONS; step++) {
+            float half = (low + high) / 2;
+            Vec3 place = vec3_mad(vec3_scale(hidden->place, 1 - half), open->place, half);
+            if (is_inside(way->receivers->mesh, place, hidden->plane, 0x60000000u + step, thread))
+                low = half;
+            else
+                high = half;
+        }
+        way->out = high + (1 - high) * 0.05f;
+    }
+}
+
+/* Moves receivers inside solids to where the nearest edge comes out. */
+static bool move_outside(Receivers *receivers)
+{
+    const Mesh *mesh = receivers->mesh;
+    uint32_t count = 0;
+    Way *ways = malloc(((size_t)mesh->triangle_count * 6 + 1) * sizeof *ways);
+    if (!ways)
+        return false;
     for (uint32_t t = 0; t < mesh->triangle_count; t++) {
         for (int k = 0; k < 6; k++) {
-            uint32_t from = mesh->triangles[t].vertex[k % 3], to = mesh->triangles[t].vertex[(k + 1 + k / 3) % 3];
-            Draft *hidden = &receivers->drafts[receivers->of_vertex[from]];
-            const Draft *open = &receivers->drafts[receivers->of_vertex[to]];
-            if (!hidden->inside || open->inside)
-                continue;
-            float low = 0, high = 1;
-            for (uint32_t step = 0; step < BISECTIONS; step++) {
-                float half = (low + high) / 2;
-                Vec3 place = vec3_mad(vec3_scale(hidden->place, 1 - half), open->place, half);
-                if (is_inside(mesh, place, hidden->plane, 0x60000000u + step, 0))
-                    low = half;
-                else
-                    high = half;
-            }
-            high += (1 - high) * 0.05f;
-            float distance = high * vec3_length(vec3_sub(open->place, hidden->place));
-            if (distance < hidden->moved) {
-                hidden->moved = distance;
-                hidden->outside = vec3_mad(vec3_scale(hidden->place, 1 - high), open->place, high);
-            }
+            uint32_t from = receivers->of_vertex[mesh->triangles[t].vertex[k % 3]];
+            uint32_t to = receivers->of_vertex[mesh->triangles[t].vertex[(k + 1 + k / 3) % 3]];
+            if (receivers->drafts[from].inside && !receivers->drafts[to].inside)
+                ways[count++] = (Way){receivers, from, to, 1};
+        }
+    }
+    chiaro_parallel_for(mesh->baker->desc.threads, count, 64, find_out, ways, NULL, NULL);
+    for (const Way *way = ways; way < ways + count; way++) {
+        Draft *hidden = &receivers->drafts[way->hidden];
+        const Draft *open = &receivers->drafts[way->open];
+        float distance = way->out * vec3_length(vec3_sub(open->place, hidden->place));
+        if (distance < hidden->moved) {
+            hidden->moved = distance;
+            hidden->outside = vec3_mad(vec3_scale(hidden->place, 1 - way->out), open->place, way->out);
         }
     }
     for (uint32_t r = 0; r < receivers->count; r++) {
         if (receivers->drafts[r].moved < INFINITY)
             receivers->drafts[r].place = receivers->drafts[r].outside;
     }
+    free(ways);
+    return true;
 }
 
 /* Does a wall stand between two places on the surface? */
@@ -670,7 +694,8 @@ ChiaroResult chiaro_bake_mesh(Baker *baker)
     if (!draft_receivers(&receivers))
         goto done;
     chiaro_parallel_for(threads, receivers.count, 64, find_inside, &receivers, NULL, NULL);
-    move_outside(&receivers);
+    if (!move_outside(&receivers))
+        goto done;
     result = merge_detail(&receivers) && finish(&receivers) ? CHIARO_OK : CHIARO_ERROR_MEMORY;
 done:
     for (uint32_t t = 0; mesh.scratch && t < threads; t++)
