@@ -196,7 +196,7 @@ ChiaroResult chiaro_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc, C
         {"patches", chiaro_bake_patches, 0.03f},           {"rows", chiaro_bake_rows, 0.15f},
         {"mesh", chiaro_bake_mesh, 0.2f},                  {"training lights", chiaro_bake_training, 0.35f},
         {"bounces", chiaro_bake_solve, 0.5f},              {"sample links", chiaro_bake_sample_links, 0.6f},
-        {"more lamps", chiaro_bake_more_lamps, 0.65f},     {"receiver links", chiaro_bake_receiver_links, 1},
+        {"more lights", chiaro_bake_more_lights, 0.65f},    {"receiver links", chiaro_bake_receiver_links, 1},
     };
     Baker baker = {.scene = scene};
     ChiaroScene near;

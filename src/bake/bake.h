@@ -7,7 +7,7 @@
  *   solve      (I - rho F) B = x, many right-hand sides, at any albedo below 1
  *   links      rows -> blocks of links: patterns, a cut through the tree, weights fitted on the training lights, energy kept;
  *              first those between samples, last those of receivers
- *   more lamps between the two: lamps whose bounces the samples' links give, for the receivers to be fitted on
+ *   more lights between the two: those whose bounces the samples' links give, for the receivers to be fitted on
  *   write      all of it -> one block of bytes
  */
 #ifndef CHIARO_BAKE_INTERNAL_H
@@ -97,7 +97,7 @@ typedef struct Baker {
     float *total;      /* with all bounces, as solved (B) */
     float *carried;    /* with all bounces, as the sample links carry it at run time */
     float *irradiance; /* [sample][column]: F B */
-    /* More lamps, which receivers alone are taught: what the sample links make of their light is truth enough. */
+    /* More lights, which receivers alone are taught: what the sample links make of their light is truth enough. */
     uint32_t more_columns;
     float *more; /* [node][column]: carried */
 
@@ -120,7 +120,7 @@ ChiaroResult chiaro_bake_mesh(Baker *baker);
 ChiaroResult chiaro_bake_training(Baker *baker);
 ChiaroResult chiaro_bake_solve(Baker *baker);
 ChiaroResult chiaro_bake_sample_links(Baker *baker);
-ChiaroResult chiaro_bake_more_lamps(Baker *baker);
+ChiaroResult chiaro_bake_more_lights(Baker *baker);
 ChiaroResult chiaro_bake_receiver_links(Baker *baker);
 ChiaroResult chiaro_bake_write(Baker *baker, ChiaroBlob *blob);
 

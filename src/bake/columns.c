@@ -35,12 +35,14 @@ static void find_near(Columns *columns, uint32_t index)
         columns->near[l] = index;
 }
 
-bool chiaro_columns_create(Columns *columns, const Baker *baker)
+bool chiaro_columns_create(Columns *columns, const Baker *baker, bool chooses)
 {
     const size_t most = COLUMNS_MOST + COLUMNS_SPARE, all = baker->columns + (size_t)baker->more_columns;
     *columns = (Columns){.baker = baker};
     columns->index = malloc(most * sizeof *columns->index);
     columns->scale = malloc(most * sizeof *columns->scale);
+    if (!chooses)
+        return columns->index && columns->scale;
     columns->level = malloc(all * sizeof *columns->level);
     columns->order = malloc(all * sizeof *columns->order);
     columns->drawn = malloc(all * sizeof *columns->drawn);
@@ -197,7 +199,8 @@ void chiaro_columns_choose(Columns *columns, const FitTask *task, const FitRows 
     }
 }
 
-double chiaro_columns_energy(const Columns *columns, uint32_t k)
+/* What column k weighs in the block's error. */
+static double energy_of(const Columns *columns, uint32_t k)
 {
     uint32_t t = columns->index[k] + (k >= columns->more_begin ? columns->baker->columns : 0);
     double level = (double)columns->level[t] * (double)columns->scale[k];
@@ -210,12 +213,12 @@ void chiaro_columns_thin(const Columns *columns, uint32_t most, uint32_t even, f
     uint32_t every = (columns->width + even - 1) / even;
     few->width = 0, few->more_begin = UINT32_MAX;
     for (uint32_t k = 0; k < columns->width; k++)
-        all += chiaro_columns_energy(columns, k);
+        all += energy_of(columns, k);
     double step = all / (most - even);
     next = step * (double)offset;
     for (uint32_t k = 0; k < columns->width; k++) {
         uint32_t hits = 0;
-        double energy = chiaro_columns_energy(columns, k);
+        double energy = energy_of(columns, k);
         for (sum += energy; next < sum && step > 0; next += step)
             hits++;
         double scale = energy > 0 ? sqrt(hits * step / energy) : 0;

@@ -21,7 +21,8 @@ typedef struct Columns {
     double lights;   /* training lights that share in the block's light, as if all were equally bright */
 } Columns;
 
-bool chiaro_columns_create(Columns *columns, const Baker *baker);
+/* `chooses`: for chiaro_columns_choose(); or else to receive a part of another's choice. */
+bool chiaro_columns_create(Columns *columns, const Baker *baker, bool chooses);
 void chiaro_columns_destroy(Columns *columns);
 
 /* Chooses for a task's rows: those lights that reach them, and the special ones. */
@@ -30,9 +31,6 @@ void chiaro_columns_choose(Columns *columns, const FitTask *task, const FitRows 
 /* A part of a choice that stands for all of it, of at most `most` columns, which are written to `few`. `even`: so many of
  * them are drawn without regard to brightness. `offset`: 0 .. 1, of the random choice. */
 void chiaro_columns_thin(const Columns *columns, uint32_t most, uint32_t even, float offset, Columns *few);
-
-/* What column k weighs in the block's error. */
-double chiaro_columns_energy(const Columns *columns, uint32_t k);
 
 /* A node's light under the columns [first, first + count). */
 void chiaro_columns_load(const Columns *columns, const float *table, uint32_t node, uint32_t first, uint32_t count,

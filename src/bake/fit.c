@@ -105,7 +105,7 @@ bool chiaro_fitter_create(const FitTask *task, Fitter *fitter)
         return false;
     s->task = *task;
     bool ready = block_create(&fitter->done, task->channels);
-    ready = chiaro_columns_create(&s->columns, baker) && chiaro_columns_create(&s->few, baker) && ready;
+    ready = chiaro_columns_create(&s->columns, baker, true) && chiaro_columns_create(&s->few, baker, false) && ready;
     s->chunk = malloc(COLUMN_CHUNK * sizeof *s->chunk);
     s->target = malloc(rows * most * sizeof *s->target);
     s->wanted = malloc(rank * most * sizeof *s->wanted);

@@ -237,7 +237,7 @@ ChiaroResult chiaro_bake_training(Baker *baker)
     return finished ? CHIARO_OK : CHIARO_ERROR_INTERRUPTED;
 }
 
-ChiaroResult chiaro_bake_more_lamps(Baker *baker)
+ChiaroResult chiaro_bake_more_lights(Baker *baker)
 {
     enum { BATCH = 16 * CHIARO_COLUMN_BLOCK };
     uint8_t channel[BATCH];
@@ -267,7 +267,8 @@ ChiaroResult chiaro_bake_more_lamps(Baker *baker)
             result = chiaro_bake_column_scales(baker, training.direct, irradiance, BATCH, scale);
         if (result != CHIARO_OK)
             goto done;
-        chiaro_bake_carry(baker, training.direct, irradiance, BATCH, channel, scale, baker->more + b * BATCH, baker->more_columns);
+        chiaro_bake_carry(baker, training.direct, irradiance, BATCH, channel, scale, baker->more + b * BATCH,
+                          baker->more_columns);
         if (!chiaro_bake_progress((float)(b + 1) / (float)batches, baker)) {
             result = CHIARO_ERROR_INTERRUPTED;
             goto done;
