@@ -46,6 +46,17 @@ static void render_built_in(const ChiaroLight *light, const TestScene *made, con
     mesh_end(&mesh);
 }
 
+/* The floor from above, a world for shapes over it, and lights. */
+static void load_play(Play *play, const MadeTransportDesc *desc, const Shape *shape, const ChiaroLight *lights,
+                      uint32_t count)
+{
+    load(&play->stage, &play->scene.scene, desc);
+    look_down(&play->stage);
+    play->world = make_world(4, CHIARO_CUBE_UNORM8, NULL);
+    load_objects(play, &shape->made.scene, &shape->object);
+    assert_int_equal(play->stage.api->lights_set(play->stage.chiaro, lights, count), CHIARO_OK);
+}
+
 /* Lit, shadowing itself and the floor, exactly as if it were a part of the scene; and again where it has moved to. */
 static void objects_cast_the_shadows_of_things_that_stay(void **state)
 {
@@ -61,11 +72,7 @@ static void objects_cast_the_shadows_of_things_that_stay(void **state)
         float transform[16];
         create_context(&play.stage, NULL);
         set_component(&play.stage, CHIARO_COMPONENT_PUNCTUAL, true);
-        load(&play.stage, &play.scene.scene, &desc);
-        look_down(&play.stage);
-        play.world = make_world(4, CHIARO_CUBE_UNORM8, NULL);
-        load_objects(&play, &shape.made.scene, &shape.object);
-        assert_int_equal(play.stage.api->lights_set(play.stage.chiaro, &lights[l], 1), CHIARO_OK);
+        load_play(&play, &desc, &shape, &lights[l], 1);
         moved_to(transform, vec3(0, 0.5f, 0), 0.3f, 1);
         uint32_t id = add_object(&play, &shape.object, transform);
         for (int step = 0; step < 2; step++) {
@@ -98,11 +105,7 @@ static void only_views_that_an_object_is_in_are_drawn_again(void **state)
     float transform[16];
     lights[0].range = lights[1].range = 1.2f;
     create_context(&play.stage, NULL);
-    load(&play.stage, &play.scene.scene, &desc);
-    look_down(&play.stage);
-    play.world = make_world(4, CHIARO_CUBE_UNORM8, NULL);
-    load_objects(&play, &shape.made.scene, &shape.object);
-    assert_int_equal(play.stage.api->lights_set(play.stage.chiaro, lights, 2), CHIARO_OK);
+    load_play(&play, &desc, &shape, lights, 2);
     moved_to(transform, vec3(1.5f, 0.3f, 0), 0, 1);
     uint32_t id = add_object(&play, &shape.object, transform);
     /* Below a light it is in the view down; level with it and beside it, in the one to that side, and at its edges. */
@@ -140,11 +143,7 @@ static void views_take_turns_where_they_are_limited(void **state)
     for (uint32_t i = 0; i < 4; i++)
         lights[i] = point_light(vec3(i % 2 ? -1.5f : 1.5f, 2, i / 2 ? -1.5f : 1.5f), 1);
     create_context(&play.stage, NULL);
-    load(&play.stage, &play.scene.scene, &desc);
-    look_down(&play.stage);
-    play.world = make_world(4, CHIARO_CUBE_UNORM8, NULL);
-    load_objects(&play, &shape.made.scene, &shape.object);
-    assert_int_equal(play.stage.api->lights_set(play.stage.chiaro, lights, 4), CHIARO_OK);
+    load_play(&play, &desc, &shape, lights, 4);
     moved_to(here, vec3(0.2f, 0.3f, 0.1f), 0.3f, 1);
     moved_to(there, vec3(-0.3f, 0.4f, -0.2f), 0.8f, 1);
     uint32_t id = add_object(&play, &shape.object, here);
