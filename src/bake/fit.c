@@ -38,7 +38,7 @@ static const double FREEDOM_OF_MEAN = 0.5;
 /* The first cut is this much finer than the one that is left. */
 static const double FINER = 1.5;
 /* What a block may spend on patterns: the square of their number, in K; at most, and at least as a part of that. */
-static const double PATTERNS = 4.5, FEWEST_PATTERNS = 1.0 / 9;
+static const double PATTERNS = 4.5, FEWEST_PATTERNS = 1.0 / 4;
 /* Where few training lights share in a block's light, few patterns can be told from chance: this many lights for each unit
  * of PATTERNS, of which there is one at least. */
 static const double LIGHTS_A_PATTERN = 50, LEAST_PATTERNS = 1;
