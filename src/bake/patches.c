@@ -30,6 +30,8 @@ static const float PATCH_PART_OF_FREE_PATH = 0.06f, DEFAULT_LEAST_SAMPLES = 2048
 static const uint32_t MAX_SMALL = 6u << 20;
 /* Height over a patch from which its parts are to see each other, in patches. */
 static const float HOVER = 0.2f;
+/* A corner stands for a covered triangle this part of the way to it. */
+static const float CORNERWARD = 0.8f;
 
 uint32_t chiaro_patches_leaf(const Patches *patches, uint32_t triangle, float u, float v)
 {
@@ -174,6 +176,28 @@ static float local_size(const Baker *baker, const Sizing *sizing, uint32_t small
     return baker->info.patch_size / sqrtf(chiaro_sizing_density(sizing, triangle, u, v));
 }
 
+/* True if what lies over this place is seen from behind: it is inside a solid that stands on the surface. */
+static bool is_covered(const Baker *baker, Vec3 place, Vec3 normal)
+{
+    ChiaroHit hit;
+    place = vec3_mad(place, normal, chiaro_rays_epsilon(baker->rays));
+    return chiaro_rays_hit(baker->rays, place, normal, 0, INFINITY, &hit) && !hit.front;
+}
+
+/* Where a small triangle is: its centre, or near that corner at which it comes out from under a solid. */
+static Vec3 small_place(const Baker *baker, const Vec3 corner[3], Vec3 normal)
+{
+    Vec3 center = vec3_scale(vec3_add(corner[0], vec3_add(corner[1], corner[2])), 1.0f / 3);
+    if (!is_covered(baker, center, normal))
+        return center;
+    for (int k = 0; k < 3; k++) {
+        Vec3 place = vec3_mad(vec3_scale(center, 1 - CORNERWARD), corner[k], CORNERWARD);
+        if (!is_covered(baker, place, normal))
+            return place;
+    }
+    return center;
+}
+
 typedef struct Description {
     const Baker *baker;
     const Sizing *sizing;
@@ -193,14 +217,14 @@ static void describe_small(uint32_t begin, uint32_t end, uint32_t thread, void *
         Vec3 c[3], albedo, emission;
         small_corners(baker, s, c);
         small_color(baker, s, &albedo, &emission);
-        Vec3 cross = chiaro_triangle_cross(c);
+        Vec3 cross = chiaro_triangle_cross(c), normal = vec3_normalize(cross);
         bool emits = vec3_max(emission) > 0;
         ClusterItem *item = &description->items[s];
         float *f = item->feature, size = local_size(baker, description->sizing, s);
         size /= emits ? sqrtf(p->emitter_boost) : 1;
-        vec3_store(f, vec3_scale(vec3_add(c[0], vec3_add(c[1], c[2])), 1.0f / 3));
+        vec3_store(f, small_place(baker, c, normal));
         f[3] = emits ? far : 0;
-        vec3_store(f + 4, vec3_scale(vec3_normalize(cross), 2 * size));
+        vec3_store(f + 4, vec3_scale(normal, 2 * size));
         vec3_store(f + 7, vec3_scale(albedo, size));
         item->unit = size;
         item->weight = vec3_length(cross) / (2 * size * size);
@@ -220,17 +244,17 @@ static void weigh_small(uint32_t begin, uint32_t end, uint32_t thread, void *use
 typedef struct Hover {
     const Baker *baker;
     const Sizing *sizing;
+    const ClusterItem *items;
     Vec3 *places;
 } Hover;
 
 /* A part of a patch high, or half way to what is there. */
-static Vec3 hover_place(const Baker *baker, const Sizing *sizing, uint32_t small)
+static Vec3 hover_place(const Hover *hovers, uint32_t small)
 {
-    Vec3 c[3];
-    small_corners(baker, small, c);
-    Vec3 normal = vec3_normalize(chiaro_triangle_cross(c));
-    Vec3 place = vec3_scale(vec3_add(c[0], vec3_add(c[1], c[2])), 1.0f / 3);
-    float height = HOVER * local_size(baker, sizing, small);
+    const Baker *baker = hovers->baker;
+    const float *f = hovers->items[small].feature;
+    Vec3 place = vec3_load(f), normal = vec3_normalize(vec3_load(f + 4));
+    float height = HOVER * local_size(baker, hovers->sizing, small);
     ChiaroHit hit;
     place = vec3_mad(place, normal, chiaro_rays_epsilon(baker->rays));
     if (chiaro_rays_hit(baker->rays, place, normal, 0, 2 * height, &hit))
@@ -243,7 +267,7 @@ static void hover(uint32_t begin, uint32_t end, uint32_t thread, void *user)
     Hover *hovers = user;
     (void)thread;
     for (uint32_t small = begin; small < end; small++)
-        hovers->places[small] = hover_place(hovers->baker, hovers->sizing, small);
+        hovers->places[small] = hover_place(hovers, small);
 }
 
 /* For chiaro_cluster(): two faces of a patch between which a wall stands share no light. Those that see the first one's
@@ -266,7 +290,7 @@ static uint32_t split_at_walls(uint32_t *order, uint32_t count, void *user)
 static bool cluster_small(Baker *baker, const Sizing *sizing, const ClusterItem *items, ClusterTree *tree)
 {
     uint32_t count = baker->patches.small_count, threads = baker->desc.threads;
-    Hover hovers = {baker, sizing, malloc(count * sizeof *hovers.places)};
+    Hover hovers = {baker, sizing, items, malloc(count * sizeof *hovers.places)};
     if (!hovers.places)
         return false;
     chiaro_parallel_for(threads, count, 256, hover, &hovers, NULL, NULL);
