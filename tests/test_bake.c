@@ -550,6 +550,47 @@ static void the_size_of_a_scene_does_not_matter(void **state)
     close_bake(&unit);
 }
 
+/* A black block stands askew on a wide floor, so that its foot cuts the floor's patches anyhow. The sun shines on the floor
+ * before it, of which a place at the foot of that face sees half its hemisphere: half of what the floor sends. The block
+ * sends nothing back. */
+static void the_foot_of_a_block_sees_the_floor_before_it(void **state)
+{
+    (void)state;
+    const float turn = 0.3f, half = 1, height = 1.5f, albedo = 0.6f;
+    const Vec3 front = {sinf(turn), 0, cosf(turn)}, side = {cosf(turn), 0, -sinf(turn)}, up = {0, height, 0};
+    Mesh mesh = mesh_begin();
+    mesh_material(&mesh, albedo, 0);
+    mesh_quad(&mesh, vec3(-20, 0, 20), vec3(20, 0, 20), vec3(20, 0, -20), vec3(-20, 0, -20));
+    mesh_material(&mesh, 0, 0);
+    Vec3 foot[4];
+    for (int k = 0; k < 4; k++) /* left and right of the front, right and left of the back */
+        foot[k] = vec3_add(vec3_scale(front, k < 2 ? half : -half), vec3_scale(side, k == 1 || k == 2 ? half : -half));
+    for (int k = 0; k < 4; k++) {
+        Vec3 a = foot[k], b = foot[(k + 1) % 4];
+        mesh_quad(&mesh, a, b, vec3_add(b, up), vec3_add(a, up));
+    }
+    mesh_quad(&mesh, vec3_add(foot[0], up), vec3_add(foot[1], up), vec3_add(foot[2], up), vec3_add(foot[3], up));
+    ChiaroBakeDesc desc = small_bake();
+    desc.samples = 4096, desc.receivers = 20000, desc.links = 128; /* what links lose is not the matter here */
+    Bake bake = open_bake(&mesh, &desc);
+    ChiaroLight sun = {.type = CHIARO_LIGHT_SUN, .intensity = {1, 1, 1}};
+    Vec3 down = vec3_normalize(vec3_add(vec3_scale(front, -1), vec3(0, -1, 0)));
+    vec3_store(sun.direction, down);
+    must_light_up(&bake, &sun, 1, NULL);
+    double truth = 0.5 * (double)albedo * -(double)down.y;
+    uint32_t found = 0;
+    for (uint32_t r = 0; r < bake.transport.receiver_count; r++) {
+        const ChiaroReceiver *receiver = &bake.transport.receivers[r];
+        bool inner = fabsf(vec3_dot(vec3_load(receiver->position), side)) < 0.9f * half;
+        if (vec3_dot(vec3_load(receiver->normal), front) < 0.99f || receiver->position[1] > 0.02f || !inner)
+            continue;
+        assert_near("at the foot, receiver", r, (double)bake.irradiance[3 * r], truth, 0.05 * truth);
+        found++;
+    }
+    assert_true(found >= 8);
+    close_bake(&bake);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -568,6 +609,7 @@ int main(void)
         cmocka_unit_test(a_face_given_twice_is_no_harm),
         cmocka_unit_test(one_triangle_receives_nothing_but_sky),
         cmocka_unit_test(black_walls_send_nothing_back),
+        cmocka_unit_test(the_foot_of_a_block_sees_the_floor_before_it),
         cmocka_unit_test(albedo_above_the_limit_is_clamped_and_counted),
         cmocka_unit_test(the_size_of_a_scene_does_not_matter),
     };

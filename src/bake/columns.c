@@ -65,15 +65,21 @@ void chiaro_columns_destroy(Columns *columns)
     free(columns->near_form);
 }
 
-/* Adds what the rows would get if their leaves were as bright as all that lies near them: the other side of a wall. */
+/* Adds what the rows would get if their leaves were as bright as all that lies near them: the other side of a wall. And as
+ * bright as what lies near the rows: before a dark wall light does not come back, but in the mean over what is near it might. */
 static void add_spill(Columns *columns, const FitTask *task, const FitRows *rows, uint32_t more)
 {
     const Baker *baker = columns->baker;
     memset(columns->near_form, 0, baker->node_count * sizeof *columns->near_form);
     for (uint32_t r = 0; r < rows->count; r += LEVEL_STEP) {
         const float *form = rows->form + (size_t)r * rows->leaf_count;
-        for (uint32_t l = 0; l < rows->leaf_count; l++)
+        float surfaces = 0;
+        for (uint32_t l = 0; l < rows->leaf_count; l++) {
             columns->near_form[columns->near[rows->leaves[l]]] += SPILL * form[l];
+            surfaces += rows->leaves[l] < baker->sample_count ? form[l] : 0;
+        }
+        if (rows->own != CHIARO_NONE)
+            columns->near_form[columns->near[rows->own + r]] += SPILL * surfaces;
     }
     for (uint32_t n = 0; n < baker->node_count; n++) {
         if (!(columns->near_form[n] > 0))

@@ -28,6 +28,7 @@ typedef struct FitRows {
     uint32_t leaf_count;
     const float *form;       /* [row][leaf of the block] */
     const float *share;      /* what each row counts, at most 1; NULL: 1 */
+    uint32_t own;            /* leaf that the first row belongs to, others follow; CHIARO_NONE: to none */
     const float *target[CHIARO_BLOCK_ROWS]; /* irradiance wanted, by column; NULL: form factors times truth */
 } FitRows;
 

@@ -86,7 +86,7 @@ static void link_samples(uint32_t begin, uint32_t end, uint32_t thread, void *us
     Worker *worker = &job->workers[thread];
     for (uint32_t b = begin; b < end && !worker->failed; b++) {
         uint32_t first = job->begin[b], leaves = baker->leaf_count;
-        FitRows rows = {.count = job->begin[b + 1] - first, .leaves = worker->leaves, .form = worker->form};
+        FitRows rows = {.count = job->begin[b + 1] - first, .leaves = worker->leaves, .form = worker->form, .own = first};
         rows.leaf_count = leaves;
         memset(worker->form, 0, (size_t)rows.count * leaves * sizeof *worker->form);
         for (uint32_t r = 0; r < rows.count; r++) {
@@ -138,7 +138,7 @@ static void link_receivers(uint32_t begin, uint32_t end, uint32_t thread, void *
     for (uint32_t b = begin; b < end && !worker->failed; b++) {
         uint32_t first = job->begin[b], counts[CHIARO_BLOCK_ROWS], leaves = 0;
         FitRows rows = {.count = job->begin[b + 1] - first, .leaves = worker->leaves, .form = worker->form,
-                        .share = baker->receiver_share + first};
+                        .share = baker->receiver_share + first, .own = CHIARO_NONE};
         memset(worker->place, 0, baker->leaf_count * sizeof *worker->place);
         for (uint32_t r = 0; r < rows.count; r++) {
             ChiaroReceiver *receiver = &baker->receivers[first + r];
