@@ -5,6 +5,7 @@
  * that face a receiver lie side by side, so for a convex object their forms add up to its own, and nothing is counted
  * twice.
  */
+#include "object.h"
 #include "primitives.h"
 #include "world.h"
 
@@ -115,13 +116,6 @@ static bool in_plane(const Draft *draft, const ChiaroPrimitive *node, float radi
            fabsf(vec3_dot(draft->normal, from)) < (1 - ONE_PLANE) * radius;
 }
 
-/* Mean square of an element's reach along an axis. */
-static float spread_along(const float s[6], Vec3 a)
-{
-    return a.x * a.x * s[0] + a.y * a.y * s[1] + a.z * a.z * s[2] +
-           2 * (a.x * a.y * s[3] + a.y * a.z * s[4] + a.z * a.x * s[5]);
-}
-
 static void add_plate(Draft *draft, const Body *body, const ChiaroPrimitive *node, const float *axes)
 {
     const ChiaroObject *object = &body->object;
@@ -139,7 +133,7 @@ static void add_plate(Draft *draft, const Body *body, const ChiaroPrimitive *nod
         for (uint32_t k = 0; k < 2; k++) {
             float away = vec3_dot(draft->edge[k], from);
             draft->sum[k] += element->area * away;
-            draft->square[k] += element->area * (away * away + spread_along(object->element_more[e].spread, draft->edge[k]));
+            draft->square[k] += element->area * (away * away + chiaro_spread_along(object->element_more[e].spread, draft->edge[k]));
         }
     }
 }
