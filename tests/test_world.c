@@ -734,6 +734,45 @@ static void a_ball_overhead_blocks_its_form_factor(void **state)
     moving_free(&ball);
 }
 
+/* A sky whose half about +x shines: a receiver that looks up gets half of it. A ball takes the light that is behind it,
+ * so there is less of it where that shines and the same where it is dark; and all of it in proportion to the sky. */
+static void a_ball_takes_away_the_light_behind_it(void **state)
+{
+    (void)state;
+    enum { COLUMNS = 64 };
+    Moving ball = moving_ball(0.5f, 12, 0, 0);
+    float pixels[3 * COLUMNS], lost[3];
+    for (int twice = 0; twice < 2; twice++) {
+        for (uint32_t i = 0; i < COLUMNS; i++) {
+            float shines = i >= COLUMNS / 4 && i < 3 * COLUMNS / 4 ? 1 + (float)twice : 0;
+            for (uint32_t c = 0; c < 3; c++)
+                pixels[3 * i + c] = shines;
+        }
+        const ChiaroSky sky = {COLUMNS, 1, pixels};
+        ChiaroWorld *world = make_world(NULL, 4, 1);
+        assert_int_equal(chiaro_world_sky(world, &sky), CHIARO_OK);
+        add_at(world, &ball, 0, 2, 0);
+        settle(world);
+        for (int side = -1; side <= 1; side++) {
+            const float up[3] = {0, 1, 0}, at[3] = {-1.7f * (float)side, 0, 0}, center[3] = {0, 2, 0};
+            float bounce[3], open = chiaro_world_blocked(world, at, up, bounce);
+            float window = chiaro_blocker_window(hypotf(2, at[0]), CHIARO_BLOCKER_REACH * 0.5f);
+            double form = (double)(window * chiaro_sphere_form(at, up, center, 0.5f));
+            double before = pi / 2, gone = before - (double)(open * (float)before + bounce[0]);
+            double hidden = pi * form * (side > 0 ? 1 : side < 0 ? 0 : 0.5);
+            if (twice) {
+                gone = 2 * before - (double)(open * (float)(2 * before) + bounce[0]);
+                assert_near("twice the light", side, gone, 2 * (double)lost[1 + side], 1e-5);
+            } else {
+                assert_near("light taken away", side, gone, hidden, 0.12 * pi * form);
+                lost[1 + side] = (float)gone;
+            }
+        }
+        chiaro_world_destroy(world);
+    }
+    moving_free(&ball);
+}
+
 /* Over the floor beside a box the nearest face fills just less than half of the hemisphere: no contact, no shadow. */
 static void a_box_darkens_the_floor_at_its_foot(void **state)
 {
@@ -795,6 +834,7 @@ int main(void)
         cmocka_unit_test(a_rectangle_blocks_by_lamberts_formula),
         cmocka_unit_test(cells_lie_about_static_surfaces_and_receivers_there_see_no_difference),
         cmocka_unit_test(a_ball_overhead_blocks_its_form_factor),
+        cmocka_unit_test(a_ball_takes_away_the_light_behind_it),
         cmocka_unit_test(a_box_darkens_the_floor_at_its_foot),
         cmocka_unit_test(two_balls_in_line_do_not_block_more_than_there_is),
     };

@@ -263,8 +263,10 @@ static Vec3 near_radiance(const ChiaroWorld *world, const Piece *piece)
     if (piece->area < piece->leaf_area && light->visible && light->light_count)
         direct = vec3_add(piece->emission,
                           vec3_mul(piece->albedo, chiaro_world_direct(world, piece->center, piece->normal)));
-    float open = chiaro_blockers_at(&world->grid, piece->center, piece->normal, &bounce);
-    return vec3_scale(vec3_add(vec3_mad(direct, piece->ambient, open), vec3_mul(piece->albedo, bounce)), 1 / CHIARO_PI);
+    float open = chiaro_blockers_at(world, piece->center, piece->normal, &bounce);
+    Vec3 ambient = vec3_mad(vec3_mul(piece->albedo, bounce), piece->ambient, open);
+    ambient = vec3(fmaxf(0, ambient.x), fmaxf(0, ambient.y), fmaxf(0, ambient.z));
+    return vec3_scale(vec3_add(direct, ambient), 1 / CHIARO_PI);
 }
 
 static void add_plate(Canvas *canvas, const Piece *piece, Vec3 radiance)
