@@ -419,11 +419,9 @@ vec3 chiaro_cube_mix(uint first, ChiaroCubeTaps taps)
     return sum;
 }
 
-/* Irradiance of a surface that faces a direction of the world, from the cube of a slot: without seams, and going over
- * from the cube that was shown before. May be a little below zero. */
-vec3 chiaro_cube_irradiance(uint slot, vec3 direction)
+/* Irradiance from the cube of a slot, going over from the one that was shown before. */
+vec3 chiaro_cube_shown(uint slot, ChiaroCubeTaps taps)
 {
-    ChiaroCubeTaps taps = chiaro_cube_taps(direction, CHIARO_CUBE_EDGE);
     uint words = chiaro_shape.cubes.z, first = 2 * slot * words;
     vec2 scales = uintBitsToFloat(texelFetch(chiaro_scales, int(slot)).xy);
     vec3 sum = vec3(0);
@@ -431,6 +429,31 @@ vec3 chiaro_cube_irradiance(uint slot, vec3 direction)
     for (uint cube = scales.x > 0 ? 0 : 1; cube < 2; cube++)
         sum += (cube == 0 ? scales.x : scales.y) * chiaro_cube_mix(first + cube * words, taps);
     return chiaro_pi * sum;
+}
+
+/* Of a surface that faces a direction of the world: without seams. May be a little below zero. */
+vec3 chiaro_cube_irradiance(uint slot, vec3 direction)
+{
+    return chiaro_cube_shown(slot, chiaro_cube_taps(direction, CHIARO_CUBE_EDGE));
+}
+
+/* The same places on the far side of the cube. */
+ChiaroCubeTaps chiaro_cube_opposite(ChiaroCubeTaps taps, uint edge)
+{
+    uvec4 face = taps.texel / (edge * edge), row = taps.texel / edge % edge, column = taps.texel % edge, last = uvec4(edge - 1);
+    bvec4 upright = equal(face / 2, uvec4(1)); /* +y and -y, whose rows run one way */
+    row = mix(last - row, row, upright);
+    column = mix(column, last - column, upright);
+    return ChiaroCubeTaps(((face ^ 1) * edge + row) * edge + column, taps.weight);
+}
+
+/* Radiance * pi in a direction, near enough: irradiance has two thirds of its odd part. */
+vec3 chiaro_cube_radiance(uint slot, vec3 direction)
+{
+    ChiaroCubeTaps front = chiaro_cube_taps(direction, CHIARO_CUBE_EDGE), back = chiaro_cube_opposite(front, CHIARO_CUBE_EDGE);
+    front.weight *= 1 + CHIARO_BEHIND;
+    back.weight *= -CHIARO_BEHIND;
+    return chiaro_cube_shown(slot, front) + chiaro_cube_shown(slot, back);
 }
 
 vec3 chiaro_object_direction(ChiaroGpuObject object, vec3 d)
@@ -542,10 +565,8 @@ struct ChiaroBehind {
 void chiaro_add_behind(uint first, vec3 way, float form, inout ChiaroBehind behind)
 {
     uint cube = chiaro_blocker_word(first + CHIARO_BLOCKER_CUBE);
-    if (cube != ~0u && form > 0) {
-        vec3 front = chiaro_cube_irradiance(cube, way), back = chiaro_cube_irradiance(cube, -way);
-        behind.light += form * vec4(max(front + CHIARO_BEHIND * (front - back), vec3(0)), 1);
-    }
+    if (cube != ~0u && form > 0)
+        behind.light += form * vec4(max(chiaro_cube_radiance(cube, way), vec3(0)), 1);
     behind.forms += form;
 }
 
