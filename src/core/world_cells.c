@@ -461,8 +461,7 @@ static void add_behind(const Receiver *at, const ChiaroWorldBlocker *blocker, Ve
         return;
     Vec3 front = ask_cube(at->world, at->grid, blocker->cube, way);
     Vec3 back = ask_cube(at->world, at->grid, blocker->cube, vec3_scale(way, -1));
-    Vec3 seen = vec3_mad(front, vec3_sub(front, back), CHIARO_BEHIND);
-    seen = vec3(fmaxf(0, seen.x), fmaxf(0, seen.y), fmaxf(0, seen.z));
+    Vec3 seen = vec3_positive(vec3_mad(front, vec3_sub(front, back), CHIARO_BEHIND));
     behind->light = vec3_mad(behind->light, seen, CHIARO_PI * form);
     behind->known += form;
 }

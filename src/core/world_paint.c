@@ -8,6 +8,7 @@
  * form factor from the object's hull instead, and each row is normalised, so that even surroundings stay even. What the
  * smoothing carries is told by its fourth lane: how much of what a normal sees is far.
  */
+#include "lanes.h"
 #include "object.h"
 #include "world.h"
 
@@ -50,7 +51,7 @@ typedef struct Canvas {
     const Body *body;
     uint32_t part;
     Vec3 center;
-    float radius;
+    float radius, skin; /* of a ball: where its surface is */
     ChiaroCubeTexel near[CHIARO_CUBE_MAX_TEXELS], far[CHIARO_CUBE_MAX_TEXELS]; /* neighbours */
     bool any_near, any_far;
     float full[CHIARO_CUBE_MAX_TEXELS];           /* static cover */
@@ -264,8 +265,7 @@ static Vec3 near_radiance(const ChiaroWorld *world, const Piece *piece)
         direct = vec3_add(piece->emission,
                           vec3_mul(piece->albedo, chiaro_world_direct(world, piece->center, piece->normal)));
     float open = chiaro_blockers_at(world, piece->center, piece->normal, &bounce);
-    Vec3 ambient = vec3_mad(vec3_mul(piece->albedo, bounce), piece->ambient, open);
-    ambient = vec3(fmaxf(0, ambient.x), fmaxf(0, ambient.y), fmaxf(0, ambient.z));
+    Vec3 ambient = vec3_positive(vec3_mad(vec3_mul(piece->albedo, bounce), piece->ambient, open));
     return vec3_scale(vec3_add(direct, ambient), 1 / CHIARO_PI);
 }
 
@@ -396,9 +396,9 @@ static void resolve(Canvas *canvas)
 {
     const ChiaroWorld *world = canvas->world;
     for (uint32_t t = 0; t < world->texel_count; t++) {
-        float cover = fminf(1, canvas->full[t]), near = canvas->near[t].coverage, far = canvas->far[t].coverage;
-        float near_seen = near * (1 - fminf(1, canvas->before_near[t]));
-        float far_open = (1 - near) * (1 - fminf(1, canvas->before_far[t])), sky = (1 - near) * (1 - far);
+        float cover = chiaro_clamp(canvas->full[t], 0, 1), near = canvas->near[t].coverage, far = canvas->far[t].coverage;
+        float near_seen = near * (1 - chiaro_clamp(canvas->before_near[t], 0, 1));
+        float far_open = (1 - near) * (1 - chiaro_clamp(canvas->before_far[t], 0, 1)), sky = (1 - near) * (1 - far);
         for (uint32_t c = 0; c < 3; c++) {
             float *radiance = &canvas->radiance[4 * t + c];
             *radiance += far_open * canvas->far[t].radiance[c];
@@ -411,14 +411,14 @@ static void resolve(Canvas *canvas)
 
 /* What is near is nearer from the hull than from the centre, so what is far has to make room; or it has moved aside, as
  * the frame of a window does, and more of what is far is seen. What both leave of the row then, both fill. */
-static Vec3 fill_row(const float texel[4], const float near[4])
+static Lanes fill_row(const float texel[4], const float near[4])
 {
-    float far = fmaxf(0, texel[3]), keep = 1, scale = 1;
+    float far = chiaro_clamp(texel[3], 0, INFINITY), keep = 1, scale = 1;
     if (far + near[3] > LEAST_WEIGHT) {
-        keep = chiaro_clamp((1 - near[3]) / fmaxf(far, LEAST_WEIGHT), 0, FAR_GROWS);
+        keep = chiaro_clamp((1 - near[3]) / chiaro_clamp(far, LEAST_WEIGHT, INFINITY), 0, FAR_GROWS);
         scale = 1 / (keep * far + near[3]);
     }
-    return vec3_scale(vec3_mad(vec3_load(near), vec3_load(texel), keep), scale);
+    return (lanes_load(near) + keep * lanes_load(texel)) * scale;
 }
 
 static bool has_near(const Canvas *canvas) { return canvas->near_things.plate_count || canvas->near_things.ball_count; }
@@ -430,6 +430,8 @@ static Vec3 hull_place(const Canvas *canvas, const float normal[3])
     uint32_t edge = world->desc.edge, row = edge == 4 ? 0 : edge == 6 ? 96 : 96 + 216;
     const float *hull = canvas->body->object.hull;
     float place[4] = {0};
+    if (canvas->body->ball)
+        return vec3_scale(pose_turn(&canvas->body->pose, vec3_load(normal)), canvas->skin);
     row += canvas->part * CHIARO_HULL_TEXELS;
     if (hull)
         chiaro_cube_look_up(world->kernel, hull + 4 * (size_t)row, normal, place);
@@ -459,8 +461,8 @@ static void fill_texels(const Canvas *canvas, const float *far, float *texels)
     chiaro_cube_sharpen(world->kernel, sharp);
     for (uint32_t t = 0; t < 4 * world->texel_count; t += 4) {
         /* What differs more from its neighbours than a cosine does is an edge, which no look-up rounds off. */
-        Vec3 most = vec3_scale(fill_row(far + t, light + t), MOST_RAISED), value = fill_row(far + t, sharp + t);
-        vec3_store(texels + t, vec3(fminf(value.x, most.x), fminf(value.y, most.y), fminf(value.z, most.z)));
+        Lanes value = lanes_min(fill_row(far + t, sharp + t), MOST_RAISED * fill_row(far + t, light + t));
+        memcpy(texels + t, &value, 3 * sizeof *texels);
     }
 }
 
@@ -495,12 +497,13 @@ static void fit_faces(Canvas *canvas, const float *far, float *texels)
         chiaro_near_sum(&canvas->near_things, pose_point(pose, vec3_load(object->elements[e].position)), normal, near);
         chiaro_cube_look_up(kernel, far, n, there);
         chiaro_cube_look_up(kernel, texels, n, now);
-        Vec3 missing = vec3_sub(fill_row(there, near), vec3_load(now));
+        Lanes missing = fill_row(there, near) - lanes_load(now);
+        missing[3] = 1; /* the weight */
         ChiaroCubeTaps taps = chiaro_cube_taps(kernel, normal);
         for (uint32_t k = 0; k < 4; k++) {
-            float *sum = wrong + 4 * taps.texel[k], share = weight * taps.weight[k];
-            vec3_store(sum, vec3_mad(vec3_load(sum), missing, share));
-            sum[3] += share;
+            float *sum = wrong + 4 * taps.texel[k];
+            Lanes more = lanes_load(sum) + weight * taps.weight[k] * missing;
+            memcpy(sum, &more, sizeof more);
         }
     }
     for (uint32_t t = 0; t < 4 * canvas->world->texel_count; t += 4) {
@@ -610,7 +613,7 @@ static void light_elements(ChiaroWorld *world, const Body *body)
         float n[3], value[4];
         vec3_store(n, normal);
         chiaro_cube_look_up(world->kernel, texels, n, value);
-        Vec3 ambient = vec3(fmaxf(0, value[0]), fmaxf(0, value[1]), fmaxf(0, value[2]));
+        Vec3 ambient = vec3_positive(vec3_load(value));
         Vec3 light = vec3_mad(chiaro_world_direct(world, place, normal), vec3_mul(ambient, vec3_load(more->cavity)),
                               CHIARO_PI);
         light = vec3_mul(light, vec3_load(element->albedo));
@@ -630,6 +633,7 @@ static float *begin_part(ChiaroWorld *world, const Body *body, uint32_t part)
     canvas->world = world, canvas->body = body, canvas->part = part;
     canvas->center = pose_point(&body->pose, vec3_load(from->center));
     canvas->radius = from->radius * body->pose.scale;
+    canvas->skin = sqrtf(body->object.primitives.nodes->area / (4 * CHIARO_PI)) * body->pose.scale;
     return world->next.texels + 4 * (size_t)(body->first_slot + part) * world->texel_count;
 }
 
