@@ -19,7 +19,7 @@
 #include "chiaro/chiaro_bake.h"
 
 /* Training lights are solved in blocks of this many. */
-enum { CHIARO_COLUMN_BLOCK = 32 };
+enum { CHIARO_COLUMN_BLOCK = 32, CHIARO_SPREAD = 8 };
 
 /* Sparse row of form factors: leaves, in their order, and the share of the cosine hemisphere that each takes. */
 typedef struct RowEntry {
@@ -85,6 +85,7 @@ typedef struct Baker {
     ChiaroPart *parts;
     ChiaroReceiver *receivers;
     Vec3 *receiver_plane; /* geometric normal at each receiver */
+    Vec3 *receiver_spread; /* CHIARO_SPREAD places about each receiver, where its rays start */
     float *receiver_share; /* what each counts: 1, or less where detail is finer than it need be for its light */
     uint32_t vertex_count, index_count, receiver_count;
 
@@ -152,11 +153,17 @@ typedef struct ClusterTree {
     uint32_t node_count, leaf_count;
 } ClusterTree;
 /* What does not belong together in a group, however alike it is: moves the items of a run that go left to its front and
- * returns their number; 0: the group is good as it is. */
+ * returns their number; 0: the group is good as it is. Several threads ask at once. */
 typedef uint32_t (*ClusterSplit)(uint32_t *order, uint32_t count, void *user);
-/* At most `leaves` groups; then more, until none has more than `most` items; then those that `split` (may be NULL) makes. */
-bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, uint32_t most, ClusterSplit split, void *user,
-                    ClusterTree *tree);
+typedef struct ClusterDesc {
+    const ClusterItem *items;
+    uint32_t count, threads;
+    uint32_t leaves;    /* groups that are made, at most, */
+    uint32_t most;      /* then more, until none has more than so many items; */
+    ClusterSplit split; /* then those that this makes (may be NULL), where they are too many of fewer groups */
+    void *user;
+} ClusterDesc;
+bool chiaro_cluster(const ClusterDesc *desc, ClusterTree *tree);
 void chiaro_cluster_free(ClusterTree *tree);
 
 /* --- rows.c --- */
@@ -167,10 +174,10 @@ typedef struct RowScratch {
 } RowScratch;
 bool chiaro_row_scratch_create(const Baker *baker, uint32_t rays, RowScratch *scratch);
 void chiaro_row_scratch_destroy(RowScratch *scratch);
-/* Row of a place into scratch->entries: rays (a power of two) about `normal`, mirrored above the plane whose normal is
- * `plane`. Returns the number of entries. */
-uint32_t chiaro_row_trace(const Baker *baker, Vec3 place, Vec3 normal, Vec3 plane, uint32_t rays, uint32_t stream,
-                          RowScratch *scratch, RowFacts *facts);
+/* Row into scratch->entries: rays (a power of two) from `count` places in turns, about `normal`, mirrored above the plane
+ * whose normal is `plane`. Returns the number of entries. */
+uint32_t chiaro_row_trace(const Baker *baker, const Vec3 *places, uint32_t count, Vec3 normal, Vec3 plane, uint32_t rays,
+                          uint32_t stream, RowScratch *scratch, RowFacts *facts);
 /* The same for a sample: rays start all over its patch. */
 uint32_t chiaro_row_trace_sample(const Baker *baker, uint32_t sample, uint32_t rays, RowScratch *scratch,
                                  RowFacts *facts);
@@ -184,8 +191,8 @@ void chiaro_bake_tree_sum(const Baker *baker, float *table, uint32_t columns);
  * more than a dim one, and a lamp against a wall, nearly all of whose light is one spot, no more than one in the open. A
  * light that reaches no surface (a sky from below the ground) teaches nothing: 0. direct: [leaf][column]; irradiance:
  * [sample][column]. */
-ChiaroResult chiaro_bake_column_scales(const Baker *baker, const float *direct, const float *irradiance, uint32_t columns,
-                                       float *scale);
+void chiaro_bake_column_scales(const Baker *baker, const float *direct, const float *irradiance, uint32_t columns,
+                               float *scale);
 
 /* --- links.c --- */
 /* What the sample links make of direct light, at every sample. direct: [node][column]; channel: of each column;
