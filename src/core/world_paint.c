@@ -51,7 +51,7 @@ typedef struct Canvas {
     const Body *body;
     uint32_t part;
     Vec3 center;
-    float radius, skin; /* of a ball: where its surface is */
+    float radius;
     ChiaroCubeTexel near[CHIARO_CUBE_MAX_TEXELS], far[CHIARO_CUBE_MAX_TEXELS]; /* neighbours */
     bool any_near, any_far;
     float full[CHIARO_CUBE_MAX_TEXELS];           /* static cover */
@@ -430,8 +430,6 @@ static Vec3 hull_place(const Canvas *canvas, const float normal[3])
     uint32_t edge = world->desc.edge, row = edge == 4 ? 0 : edge == 6 ? 96 : 96 + 216;
     const float *hull = canvas->body->object.hull;
     float place[4] = {0};
-    if (canvas->body->ball)
-        return vec3_scale(pose_turn(&canvas->body->pose, vec3_load(normal)), canvas->skin);
     row += canvas->part * CHIARO_HULL_TEXELS;
     if (hull)
         chiaro_cube_look_up(world->kernel, hull + 4 * (size_t)row, normal, place);
@@ -633,7 +631,6 @@ static float *begin_part(ChiaroWorld *world, const Body *body, uint32_t part)
     canvas->world = world, canvas->body = body, canvas->part = part;
     canvas->center = pose_point(&body->pose, vec3_load(from->center));
     canvas->radius = from->radius * body->pose.scale;
-    canvas->skin = sqrtf(body->object.primitives.nodes->area / (4 * CHIARO_PI)) * body->pose.scale;
     return world->next.texels + 4 * (size_t)(body->first_slot + part) * world->texel_count;
 }
 
