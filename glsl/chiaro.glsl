@@ -562,11 +562,14 @@ struct ChiaroBehind {
     float forms;
 };
 
+/* Shaders of pixels that leave the far part to vertices define CHIARO_NEAR_ONLY: they hold no code that asks cubes. */
 void chiaro_add_behind(uint first, vec3 way, float form, inout ChiaroBehind behind)
 {
+#ifndef CHIARO_NEAR_ONLY
     uint cube = chiaro_blocker_word(first + CHIARO_BLOCKER_CUBE);
     if (cube != ~0u && form > 0)
         behind.light += form * vec4(max(chiaro_cube_radiance(cube, way), vec3(0)), 1);
+#endif
     behind.forms += form;
 }
 

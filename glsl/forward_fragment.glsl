@@ -5,6 +5,7 @@
 #endif
 #ifdef CHIARO_BLOCKED
 #define CHIARO_OBJECT_SET 3
+#define CHIARO_NEAR_ONLY
 #endif
 #include "chiaro.glsl"
 
