@@ -211,8 +211,8 @@ bench: all ## error and cost: K = 8 .. 64 beside three baselines, cubes, objects
 	@$(B)/bin/chiaro-bench-objects
 	@samples/pictures.sh $(B)
 
-pictures: all ## moving objects beside the path tracer: pictures in build/report, errors, frame times
-	@samples/pictures.sh $(B)
+pictures: all ## moving objects beside the path tracer: pictures in build/report, errors, frame times [SCENE=.. PLACES=..]
+	@SCENE='$(SCENE)' PLACES='$(PLACES)' OPTIONS='$(OPTIONS)' samples/pictures.sh $(B)
 
 endif
 

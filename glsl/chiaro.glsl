@@ -419,11 +419,9 @@ vec3 chiaro_cube_mix(uint first, ChiaroCubeTaps taps)
     return sum;
 }
 
-/* Irradiance of a surface that faces a direction of the world, from the cube of a slot: without seams, and going over
- * from the cube that was shown before. May be a little below zero. */
-vec3 chiaro_cube_irradiance(uint slot, vec3 direction)
+/* Irradiance from the cube of a slot, going over from the one that was shown before. */
+vec3 chiaro_cube_shown(uint slot, ChiaroCubeTaps taps)
 {
-    ChiaroCubeTaps taps = chiaro_cube_taps(direction, CHIARO_CUBE_EDGE);
     uint words = chiaro_shape.cubes.z, first = 2 * slot * words;
     vec2 scales = uintBitsToFloat(texelFetch(chiaro_scales, int(slot)).xy);
     vec3 sum = vec3(0);
@@ -431,6 +429,31 @@ vec3 chiaro_cube_irradiance(uint slot, vec3 direction)
     for (uint cube = scales.x > 0 ? 0 : 1; cube < 2; cube++)
         sum += (cube == 0 ? scales.x : scales.y) * chiaro_cube_mix(first + cube * words, taps);
     return chiaro_pi * sum;
+}
+
+/* Of a surface that faces a direction of the world: without seams. May be a little below zero. */
+vec3 chiaro_cube_irradiance(uint slot, vec3 direction)
+{
+    return chiaro_cube_shown(slot, chiaro_cube_taps(direction, CHIARO_CUBE_EDGE));
+}
+
+/* The same places on the far side of the cube. */
+ChiaroCubeTaps chiaro_cube_opposite(ChiaroCubeTaps taps, uint edge)
+{
+    uvec4 face = taps.texel / (edge * edge), row = taps.texel / edge % edge, column = taps.texel % edge, last = uvec4(edge - 1);
+    bvec4 upright = equal(face / 2, uvec4(1)); /* +y and -y, whose rows run one way */
+    row = mix(last - row, row, upright);
+    column = mix(column, last - column, upright);
+    return ChiaroCubeTaps(((face ^ 1) * edge + row) * edge + column, taps.weight);
+}
+
+/* Radiance * pi in a direction, near enough: irradiance has two thirds of its odd part. */
+vec3 chiaro_cube_radiance(uint slot, vec3 direction)
+{
+    ChiaroCubeTaps front = chiaro_cube_taps(direction, CHIARO_CUBE_EDGE), back = chiaro_cube_opposite(front, CHIARO_CUBE_EDGE);
+    front.weight *= 1 + CHIARO_BEHIND;
+    back.weight *= -CHIARO_BEHIND;
+    return chiaro_cube_shown(slot, front) + chiaro_cube_shown(slot, back);
 }
 
 vec3 chiaro_object_direction(ChiaroGpuObject object, vec3 d)
@@ -532,6 +555,33 @@ float chiaro_blocker_form(uint first, vec3 way, vec3 normal, float radius, out v
     return chiaro_rectangle_form(way, normal, across, chiaro_blocker_vector(first + CHIARO_BLOCKER_ALONG));
 }
 
+/* What comes from behind blockers, as their cubes see it: the sum over forms, which the fourth number counts, and the sum
+ * of all forms. */
+struct ChiaroBehind {
+    vec4 light;
+    float forms;
+};
+
+/* Shaders of pixels that leave the far part to vertices define CHIARO_NEAR_ONLY: they hold no code that asks cubes. */
+void chiaro_add_behind(uint first, vec3 way, float form, inout ChiaroBehind behind)
+{
+#ifndef CHIARO_NEAR_ONLY
+    uint cube = chiaro_blocker_word(first + CHIARO_BLOCKER_CUBE);
+    if (cube != ~0u && form > 0)
+        behind.light += form * vec4(max(chiaro_cube_radiance(cube, way), vec3(0)), 1);
+#endif
+    behind.forms += form;
+}
+
+/* What is left of irradiance of which all but `open` is blocked, where `hidden` is what comes from behind. Where blocked is
+ * small that is less by blocked * hidden, and where all is blocked it is nothing: blocked / open is a series, of which two
+ * terms are taken. */
+vec3 chiaro_left(float open, vec3 irradiance, vec3 hidden)
+{
+    float blocked = 1 - open;
+    return open * (irradiance + blocked * (1 + blocked) * (irradiance - hidden));
+}
+
 /* All of an object: what it leaves open, and what it gives back: of what it passes on, the part that the gap lights. */
 float chiaro_take_object(float form, vec3 given, vec3 emitted, inout vec3 bounce)
 {
@@ -552,7 +602,8 @@ uint chiaro_find_cell(ChiaroGpuGrid grid, vec3 point, out vec3 corner)
 }
 
 /* Objects that are more than plain balls, from one entry to another: near shares or far ones. */
-float chiaro_sum_pieces(uint entry, uint end, bool far, vec3 point, vec3 normal, inout vec3 bounce)
+float chiaro_sum_pieces(uint entry, uint end, bool far, vec3 point, vec3 normal, inout vec3 bounce,
+                        inout ChiaroBehind behind)
 {
     float open = 1, sum = 0;
     vec3 given = vec3(0), emitted = vec3(0), radiance;
@@ -570,7 +621,12 @@ float chiaro_sum_pieces(uint entry, uint end, bool far, vec3 point, vec3 normal,
         float radius = uintBitsToFloat(chiaro_blocker_word(first + CHIARO_BLOCKER_RADIUS));
         float form = chiaro_blocker_form(first, way, normal, radius, radiance);
         float share = chiaro_blocker_window(way, CHIARO_NEAR * radius);
-        form *= far ? chiaro_blocker_window(way, CHIARO_REACH * radius) - share : share;
+        if (far) {
+            float all = chiaro_blocker_window(way, CHIARO_REACH * radius);
+            chiaro_add_behind(first, way, all * form, behind);
+            share = all - share;
+        }
+        form *= share;
         sum += form;
         given += form * radiance;
         emitted += form * chiaro_blocker_vector(first + CHIARO_BLOCKER_EMISSION);
@@ -584,17 +640,17 @@ vec3 chiaro_indirect(uint id, vec3 cavity, vec3 bent, uvec4 parts, vec4 weights)
     return chiaro_object_irradiance(chiaro_object(id), cavity, bent, parts, weights);
 }
 
-/* What objects do to a point of a static surface: irradiance' = open * irradiance + bounce. This is the part of what is
- * far, by vertex; `shine` is for the other part. `pieces`: there are objects that are more than plain balls. Twin of
- * chiaro_world_blocked_far. */
-float chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, out vec3 bounce, out vec4 shine)
+/* What objects leave of the indirect irradiance of a point of a static surface, and add to it. This is the part of what is
+ * far, by vertex; `shine` and `hidden` are for the other part. `pieces`: there are objects that are more than plain balls.
+ * Twin of chiaro_world_blocked_far. */
+vec3 chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, vec3 irradiance, out vec4 shine, out vec3 hidden)
 {
-    vec3 corner;
+    vec3 corner, bounce = vec3(0);
     ChiaroGpuGrid grid = chiaro_shape.far;
     uint word = chiaro_find_cell(grid, point, corner);
     uint entry = grid.first.y + (word & 0xfffffu), balls = entry + (word >> 20 & 63u);
     float open = 1;
-    bounce = vec3(0);
+    ChiaroBehind behind = ChiaroBehind(vec4(0), 0);
     shine = vec4(0);
     for (; entry < balls; entry++) {
         uint first = CHIARO_BLOCKER_WORDS * chiaro_cell_word(entry);
@@ -604,16 +660,19 @@ float chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, out vec3 bounce, 
         float share = all - chiaro_blocker_window(way, CHIARO_NEAR * radius);
         open *= chiaro_take_object(share * form, share * form * radiance, vec3(0), bounce);
         shine += all * form * vec4(radiance, 1);
+        chiaro_add_behind(first, way, all * form, behind);
     }
     if (pieces)
-        open *= chiaro_sum_pieces(balls, balls + (word >> 26), true, point, normal, bounce);
-    return open;
+        open *= chiaro_sum_pieces(balls, balls + (word >> 26), true, point, normal, bounce, behind);
+    vec3 beyond = irradiance + (behind.light.rgb - behind.light.w * irradiance) / max(behind.forms, 1e-20);
+    hidden = open * beyond + bounce;
+    return chiaro_left(open, irradiance, beyond) + bounce;
 }
 
-/* And the part of what is near, by pixel, with what the first part left of the irradiance, and its shine. Twin of
+/* And the part of what is near, by pixel, with what the first part left of the irradiance, and its other results. Twin of
  * chiaro_world_blocked_near. The test is at the end of the loop: processors that run several pixels in step would go
  * through it once more than the busiest of them needs it. */
-vec3 chiaro_blocked_near(bool pieces, vec3 point, vec3 normal, vec3 irradiance, vec4 shine)
+vec3 chiaro_blocked_near(bool pieces, vec3 point, vec3 normal, vec3 irradiance, vec4 shine, vec3 hidden)
 {
     vec3 corner, bounce = vec3(0), radiance = shine.rgb / max(shine.w, 1e-20);
     ChiaroGpuGrid grid = chiaro_shape.near;
@@ -633,19 +692,19 @@ vec3 chiaro_blocked_near(bool pieces, vec3 point, vec3 normal, vec3 irradiance, 
         open *= chiaro_take_object(form, form * radiance, vec3(0), bounce);
         entry += 2;
     } while (entry < balls);
+    ChiaroBehind behind = ChiaroBehind(vec4(0), 0); /* the first part has asked */
     if (pieces)
-        open *= chiaro_sum_pieces(balls, balls + (word >> 26), false, point, normal, bounce);
-    return open * irradiance + bounce;
+        open *= chiaro_sum_pieces(balls, balls + (word >> 26), false, point, normal, bounce, behind);
+    return max(chiaro_left(open, irradiance, hidden) + bounce, vec3(0));
 }
 
 /* Both parts at once, where a host's shader has no use for two: what objects leave of the indirect irradiance of a static
  * pixel, and add to it. */
 vec3 chiaro_indirect(vec3 irradiance, vec3 point, vec3 normal)
 {
-    vec3 bounce;
     vec4 shine;
-    float open = chiaro_blocked_far(true, point, normal, bounce, shine);
-    return chiaro_blocked_near(true, point, normal, open * irradiance + bounce, shine);
+    vec3 hidden, left = chiaro_blocked_far(true, point, normal, irradiance, shine, hidden);
+    return chiaro_blocked_near(true, point, normal, left, shine, hidden);
 }
 
 #endif

@@ -80,6 +80,9 @@ CHIARO_STRUCT(ChiaroGpuLight)
 #define CHIARO_NEAR 3.0
 #define CHIARO_REACH 8.0
 
+/* Irradiance / pi is radiance with its odd part at two thirds: so much of the difference of two opposite sides restores it. */
+#define CHIARO_BEHIND 0.25f
+
 /* Form factor of a ball whose radius is r of its distance, and whose centre stands u radii above the receiver's horizon, |u|
  * at most 1: F(u) - F(-u) is r^3 u for any two such places, so only an even part is not elementary. It is
  * r^2 (r / 2 - (1 - u^2) P), with P fitted here to u^2 and sqrt(1 - r^2): F is right to 0.0026, 0.0008 rms, and it goes
@@ -104,13 +107,14 @@ CHIARO_STRUCT(ChiaroGpuObject)
 };
 
 /* ChiaroWorldBlocker, in words: processors that fetch them one by one take no more than they need. */
-#define CHIARO_BLOCKER_WORDS 32u
+#define CHIARO_BLOCKER_WORDS 33u
 #define CHIARO_BLOCKER_RADIUS 3u
 #define CHIARO_BLOCKER_ACROSS 4u
 #define CHIARO_BLOCKER_ALONG 7u
 #define CHIARO_BLOCKER_RADIANCE 10u
 #define CHIARO_BLOCKER_EMISSION 28u
 #define CHIARO_BLOCKER_OBJECT 31u
+#define CHIARO_BLOCKER_CUBE 32u
 
 /* The grids of blockers (ChiaroBlockerCells). Entries of the far one are blockers. In the near one, which is read by
  * pixel, a plain ball is itself, in two words: its centre from the cell's low corner, and the root of its radius, as

@@ -5,6 +5,7 @@
 #endif
 #ifdef CHIARO_BLOCKED
 #define CHIARO_OBJECT_SET 3
+#define CHIARO_NEAR_ONLY
 #endif
 #include "chiaro.glsl"
 
@@ -30,6 +31,7 @@ layout(location = 3) in vec3 v_irradiance;
 layout(location = 4) in vec4 v_uv;
 #ifdef CHIARO_BLOCKED
 layout(location = 5) in vec4 v_shine;
+layout(location = 6) in vec3 v_hidden;
 #endif
 layout(location = 0) out vec4 color;
 
@@ -61,7 +63,7 @@ void main()
     if (component != CHIARO_GPU_PUNCTUAL) {
         vec3 ambient = max(v_irradiance, vec3(0));
 #ifdef CHIARO_BLOCKED
-        ambient = chiaro_blocked_near(pieces, push.eye.xyz + v_offset, normalize(v_normal), ambient, v_shine);
+        ambient = chiaro_blocked_near(pieces, push.eye.xyz + v_offset, normalize(v_normal), ambient, v_shine, v_hidden);
 #endif
         received += ambient;
     }

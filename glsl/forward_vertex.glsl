@@ -3,7 +3,7 @@
 #if defined(CHIARO_OBJECT) || defined(CHIARO_BLOCKED)
 #define CHIARO_OBJECT_SET 3
 #endif
-#if defined(CHIARO_OBJECT) && defined(CHIARO_GI)
+#if defined(CHIARO_BLOCKED) || (defined(CHIARO_OBJECT) && defined(CHIARO_GI))
 layout(constant_id = 5) const uint cube_edge = 4;
 layout(constant_id = 6) const uint cube_format = 0;
 #define CHIARO_CUBE_EDGE cube_edge
@@ -37,6 +37,7 @@ layout(location = 4) out vec4 v_uv;
 #ifdef CHIARO_BLOCKED
 layout(constant_id = 4) const bool pieces = true; /* objects are more than plain balls */
 layout(location = 5) out vec4 v_shine; /* of balls, for the pixels */
+layout(location = 6) out vec3 v_hidden;
 #endif
 
 void main()
@@ -59,9 +60,7 @@ void main()
 #elif defined(CHIARO_GI)
     v_irradiance = irradiance;
 #ifdef CHIARO_BLOCKED
-    vec3 bounce;
-    float open = chiaro_blocked_far(pieces, place, v_normal, bounce, v_shine);
-    v_irradiance = open * v_irradiance + bounce;
+    v_irradiance = chiaro_blocked_far(pieces, place, v_normal, v_irradiance, v_shine, v_hidden);
 #endif
 #else
     v_irradiance = vec3(0);

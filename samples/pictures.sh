@@ -14,7 +14,7 @@ if [ -z "${VK_DRIVER_FILES:-}" ]; then
     done
 fi
 number() { sed -n "s/.*\"$1\": *\({\"median\": *\)\{0,1\}\([-0-9.e+]*\).*/\2/p" "$2"; }
-median() { sort -n | awk '{ v[NR] = $1 } END { print NR % 2 ? v[(NR + 1) / 2] : (v[NR / 2] + v[NR / 2 + 1]) / 2 }'; }
+median() { sort -g | awk '{ v[NR] = $1 } END { print NR % 2 ? v[(NR + 1) / 2] : (v[NR / 2] + v[NR / 2 + 1]) / 2 }'; }
 scene() { [ -e "$out/$1.glb" ] || "$build/bin/chiaro-scene" "$1" -o "$out/$1.glb"; }
 
 # Renders and traces a scene; the reference takes `spp` paths a pixel. picture NAME SCENE.glb options ...
@@ -41,17 +41,37 @@ tell() {
         "$(number noise_indirect "$out/$1.reference.json")" "$out/$1.png"
 }
 
-# An object in eight places of the box, each seen from outside, over the blocks. carry sphere|box
+# An object in places of a scene, each with an eye that sees it. carry NAME SCENE.glb sphere|box place/eye ... -- options ...
 carry() {
-    k=0
-    for place in 1.0,0.6,4.6 1.2,1.6,4.2 2.8,4.0,2.0 4.6,1.0,1.2 1.9,2.4,1.6 0.8,3.5,2.6 4.4,4.4,4.6 2.8,3.0,0.8; do
-        k=$((k + 1))
-        picture "cornell-$1-$k" "$out/cornell.glb" --add "$1,$place,0.7" --eye 2.8,5,-2.5 --target "$place" --fov 16 --size 128x128
-        number relrmse "$out/cornell-$1-$k.objects.json"
-    done > "$out/cornell-$1.txt"
-    printf 'cornell, %-13s: eight places: median relRMSE %.4f, worst %.4f; %s\n' "$1" "$(median < "$out/cornell-$1.txt")" \
-        "$(sort -n "$out/cornell-$1.txt" | tail -n 1)" "$out/cornell-$1-*.png"
+    carried=$1-$3 file=$2 object=$3 places= k=0
+    shift 3
+    while [ "$1" != -- ]; do
+        places="$places $1"
+        shift
+    done
+    shift
+    for at in $places; do
+        k=$((k + 1)) place=${at%/*}
+        picture "$carried-$k" "$file" --add "$object,$place,0.7" --eye "${at#*/}" --target "$place" --fov 16 --size 128x128 "$@"
+        number relrmse "$out/$carried-$k.objects.json"
+    done > "$out/$carried.txt"
+    for k in $(seq "$k"); do
+        [ "$(number pixels "$out/$carried-$k.objects.json")" -gt 0 ] || { echo "$carried-$k is not seen" >&2; exit 1; }
+        number relrmse "$out/$carried-$k.whole.json"
+    done > "$out/$carried.whole.txt"
+    printf '%-22s: %d places: median relRMSE %.4f, worst %.4f; whole pictures %.4f, %.4f; %s\n' "$carried" "$k" \
+        "$(median < "$out/$carried.txt")" "$(sort -g "$out/$carried.txt" | tail -n 1)" "$(median < "$out/$carried.whole.txt")" \
+        "$(sort -g "$out/$carried.whole.txt" | tail -n 1)" "$out/$carried-*.png"
 }
+
+# A level of one's own: SCENE=file.glb PLACES='x,y,z/x,y,z ...' (of the object, of the eye) OPTIONS='--light ...'
+if [ -n "${SCENE:-}" ] && [ -n "${PLACES:-}" ]; then
+    name=$(basename "$SCENE")
+    for object in sphere box; do
+        carry "${name%.*}" "$SCENE" $object $PLACES -- ${OPTIONS:-}
+    done
+    exit
+fi
 
 scene spheres
 scene cornell
@@ -59,8 +79,14 @@ scene two-rooms
 set -- --dynamic 'sphere_*' --sky 0.6,0.75,1 --sun 1,2,1,3,2.8,2.5
 picture spheres "$out/spheres.glb" --size 384x384 "$@"
 tell spheres spheres
-carry sphere
-carry box
+box=2.8,5.3,-1.2 # above its blocks
+rooms="1,0.5,1/0.3,2.7,4.7 2.5,0.5,2.5/0.3,2.7,4.7 4.2,0.6,2.5/0.3,2.7,4.7 4,0.4,4.3/0.3,2.7,4.7
+    6.2,0.5,2.5/9.9,2.7,0.3 7.2,0.5,2.5/9.9,2.7,0.3 8.6,0.5,3.6/9.9,2.7,0.3 6,1.2,1/9.9,2.7,4.7"
+for object in sphere box; do
+    carry cornell "$out/cornell.glb" $object 1.0,0.6,4.6/$box 1.2,1.6,4.2/$box 2.8,4.0,2.0/$box 4.6,1.0,1.2/$box \
+        1.9,2.4,1.6/$box 0.8,3.5,2.6/$box 4.4,4.4,4.6/$box 2.8,3.0,0.8/$box --
+    carry two-rooms "$out/two-rooms.glb" $object $rooms --
+done
 spp=$((4 * spp)) # little light finds the door
 picture two-rooms "$out/two-rooms.glb" --size 256x256 --add box,7.2,0.5,2.5,0.8 --add sphere,8.6,1.2,3.6,0.7
 tell two-rooms 'two-rooms, dark one'

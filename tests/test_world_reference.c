@@ -102,7 +102,7 @@ static void balls_on_a_plane_under_a_sky_and_a_sun(void **state)
             chiaro_reference_irradiance(reference, receiver->position, receiver->normal, PATHS, 0, k, 2);
         float open = chiaro_world_blocked(world, receiver->position, receiver->normal, bounce);
         for (int c = 0; c < 3; c++)
-            value[c] = open * lit.irradiance[3 * r + (uint32_t)c] + bounce[c];
+            value[c] = fmaxf(0, open * lit.irradiance[3 * r + (uint32_t)c] + bounce[c]);
         compare(&floor, value, truth.indirect, nothing);
         compare(&bare, lit.irradiance + 3 * r, truth.indirect, nothing);
     }

@@ -16,10 +16,10 @@
  * the axes of the world, faces in Vulkan's order; looked up bilinearly and without seams. chiaro_object_irradiance() is
  * the same on the CPU.
  *
- * Light on a static surface:     irradiance' = open * irradiance + bounce
+ * Light on a static surface:     irradiance' = max(0, open * irradiance + bounce)
  *
  * with `open` and `bounce` of chiaro_world_blocked(), which a shader does from ChiaroWorldBlockers: what is near by pixel,
- * what is far by vertex.
+ * what is far by vertex. An object takes away the light that its cube sees behind it.
  *
  * Rounds. Cubes are painted in rounds: each cube once a round. All of a round sees the world as it was when the round
  * began, so neither the number of its slices nor their size can be seen in what comes out; light between objects
@@ -307,7 +307,7 @@ CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *wo
  * Back onto the static world
  */
 
-/** What stands for an object, or for a piece of it, where it blocks and reflects light: 32 words, for a GPU.
+/** What stands for an object, or for a piece of it, where it blocks and reflects light: 33 words, for a GPU.
  *
  * Ball (across == 0): a sphere about `center` that shines as its axes say. With w the unit direction from the blocker to
  * the receiver, the axes that w points along count with the squares of its components, which add up to 1:
@@ -321,9 +321,17 @@ CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *wo
  *     near share = chiaro_blocker_window(d, CHIARO_BLOCKER_NEAR * radius),
  *     far share  = chiaro_blocker_window(d, CHIARO_BLOCKER_REACH * radius) - near share.
  * Blockers of one object follow each other in a cell. Of each object, form, pi * radiance * form and
- * pi * emission * form are summed; then with left = 1 - min(1, sum of forms), `open` is multiplied by left, and bounce
- * gains mix(sum of emission, sum of radiance, min(1, CHIARO_BLOCKER_GAP * sqrt(left))): close to where it touches, only
- * that part of an object is seen which the gap between the two lights. */
+ * pi * emission * form are summed; then with left = 1 - min(1, sum of forms), all that is left is multiplied by left, and
+ * bounce gains mix(sum of emission, sum of radiance, min(1, CHIARO_BLOCKER_GAP * sqrt(left))): close to where it touches,
+ * only that part of an object is seen which the gap between the two lights.
+ *
+ * What is behind a blocker is what its cube sees in the direction from the receiver to it, and a quarter more of what
+ * that is brighter than the opposite side: so the odd part of radiance comes back from irradiance. `hidden` is the mean
+ * over blockers, by their forms times both windows, the irradiance itself where there is no cube yet. With left of all objects
+ * and gone = 1 - left, of the far shares first, then of the near ones,
+ *     irradiance' = left * (irradiance + gone * (1 + gone) * (irradiance - hidden)) + bounce:
+ * gone * hidden is taken away, near enough, where little is gone, and all where all is. Near ones hide what the far ones
+ * left: left * hidden + bounce. */
 #define CHIARO_BLOCKER_NEAR 3.0f
 #define CHIARO_BLOCKER_REACH 8.0f /**< Further off, less than 1 / 64 of the hemisphere is blocked. */
 #define CHIARO_BLOCKER_GAP 1.6f
@@ -334,6 +342,7 @@ typedef struct ChiaroWorldBlocker {
     float radiance[6][3]; /**< Ball: toward +x -x +y -y +z -z of the world. */
     float emission[3];    /**< Of the radiance, what it would have in the dark. */
     uint32_t object;      /**< Its number. */
+    uint32_t cube;        /**< Slot of the cube that sees what is behind it; CHIARO_NONE: that shows no light yet. */
 } ChiaroWorldBlocker;
 
 /** Which blockers matter where. Cell (x, y, z) of a point is floor((point - low) / size); its number
@@ -380,8 +389,9 @@ CHIARO_API void chiaro_world_blockers_shown(ChiaroWorld *world, ChiaroWorldBlock
 CHIARO_API bool chiaro_world_blockers_ready(const ChiaroWorld *world);
 
 /** What objects do to a point of a static surface; see the top of this file.
- * @param point, normal the receiver, in the world. @param bounce receives three floats, W/m^2.
- * @return the open share of its ambient light, 0 .. 1. @thread_safety one thread a world. @errors none. @lifetime
+ * @param point, normal the receiver, in the world. @param bounce receives three floats, W/m^2, below 0 where
+ * what is hidden is brighter than the rest.
+ * @return the share of its ambient light that it keeps, 0 .. 1. @thread_safety one thread a world. @errors none. @lifetime
  * nothing is kept. */
 CHIARO_API float chiaro_world_blocked(ChiaroWorld *world, const float point[3], const float normal[3],
                                       float bounce[3]);
@@ -390,6 +400,7 @@ CHIARO_API float chiaro_world_blocked(ChiaroWorld *world, const float point[3], 
 typedef struct ChiaroBlockedFar {
     float open, bounce[3]; /**< Of the far shares. */
     float shine[4]; /**< Radiance of the plain balls about, times their forms, and the sum of these forms. */
+    float hidden[4]; /**< What near objects hide: three floats, W/m^2, and the share of the irradiance that is added. */
 } ChiaroBlockedFar;
 
 /** The first half of chiaro_world_blocked(), by vertex. @param far receives it.
@@ -398,7 +409,7 @@ CHIARO_API void chiaro_world_blocked_far(ChiaroWorld *world, const float point[3
                                          ChiaroBlockedFar *far);
 
 /** The second half, by pixel. @param far what the first half was there. @param bounce receives three floats, W/m^2.
- * @return the open share of both halves. @errors none. @thread_safety one thread a world. @lifetime nothing is kept. */
+ * @return the share that both halves keep. @errors none. @thread_safety one thread a world. @lifetime nothing is kept. */
 CHIARO_API float chiaro_world_blocked_near(ChiaroWorld *world, const float point[3], const float normal[3],
                                            const ChiaroBlockedFar *far, float bounce[3]);
 

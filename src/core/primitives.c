@@ -54,9 +54,10 @@ static Vec3 axis_sum(const float weights[6], const float values[6][3])
 /* Parts of a unit normal along the axes. */
 static void axis_cosines(Vec3 n, float cosines[6])
 {
-    cosines[0] = fmaxf(0, n.x), cosines[1] = fmaxf(0, -n.x);
-    cosines[2] = fmaxf(0, n.y), cosines[3] = fmaxf(0, -n.y);
-    cosines[4] = fmaxf(0, n.z), cosines[5] = fmaxf(0, -n.z);
+    Vec3 up = vec3_positive(n), down = vec3_positive(vec3_scale(n, -1));
+    cosines[0] = up.x, cosines[1] = down.x;
+    cosines[2] = up.y, cosines[3] = down.y;
+    cosines[4] = up.z, cosines[5] = down.z;
 }
 
 /* Light that a Lambert sphere reflects at a phase angle, as a share of what it reflects straight back:
@@ -261,7 +262,7 @@ void chiaro_primitive_radiate(const ChiaroPrimitive *node, const float axes[18],
             sum = vec3_mad(sum, vec3_load(axes + 3 * i), weights[i]);
     }
     float seen = seen_share(node, form_area(node, viewer));
-    vec3_store(intensity, vec3_scale(vec3(fmaxf(0, sum.x), fmaxf(0, sum.y), fmaxf(0, sum.z)), seen));
+    vec3_store(intensity, vec3_scale(vec3_positive(sum), seen));
 }
 
 /* ------------------------------------------------------------------------------------------------------------------

@@ -57,6 +57,9 @@ static inline float chiaro_clamp(float x, float low, float high)
     return x < high ? x : high;
 }
 
+/* No component below 0; NaN becomes 0. */
+static inline Vec3 vec3_positive(Vec3 v) { return vec3(v.x > 0 ? v.x : 0, v.y > 0 ? v.y : 0, v.z > 0 ? v.z : 0); }
+
 /* Luminance of linear RGB (Rec. 709). */
 static inline float vec3_luminance(Vec3 c) { return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z; }
 

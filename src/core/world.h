@@ -237,7 +237,7 @@ void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4]);
 
 /* --- world_blockers.c --- */
 /* All blockers of an object, at most CHIARO_MAX_OBJECT_BLOCKERS. Returns their number. */
-uint32_t chiaro_blockers_make(const Pose *pose, const Body *body, const float *axes, uint32_t id,
+uint32_t chiaro_blockers_make(const ChiaroWorld *world, uint32_t id, const Pose *pose, const Shine *shine,
                               ChiaroWorldBlocker *blockers);
 
 /* --- world_cells.c --- */
@@ -253,6 +253,7 @@ bool chiaro_blockers_step(ChiaroWorld *world, BlockerGrid *grid, bool newest, ui
 bool chiaro_blockers_show(ChiaroWorld *world, uint32_t count);
 /* Does a node look like a ball from all sides? */
 bool chiaro_is_ball(const ChiaroPrimitive *node);
-float chiaro_blockers_at(const BlockerGrid *grid, Vec3 point, Vec3 normal, Vec3 *bounce);
+/* As the round sees it; what chiaro_world_blocked() does with what the host sees. */
+float chiaro_blockers_at(const ChiaroWorld *world, Vec3 point, Vec3 normal, Vec3 *bounce);
 
 #endif

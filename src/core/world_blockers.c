@@ -5,6 +5,7 @@
  * that face a receiver lie side by side, so for a convex object their forms add up to its own, and nothing is counted
  * twice.
  */
+#include "object.h"
 #include "primitives.h"
 #include "world.h"
 
@@ -115,13 +116,6 @@ static bool in_plane(const Draft *draft, const ChiaroPrimitive *node, float radi
            fabsf(vec3_dot(draft->normal, from)) < (1 - ONE_PLANE) * radius;
 }
 
-/* Mean square of an element's reach along an axis. */
-static float spread_along(const float s[6], Vec3 a)
-{
-    return a.x * a.x * s[0] + a.y * a.y * s[1] + a.z * a.z * s[2] +
-           2 * (a.x * a.y * s[3] + a.y * a.z * s[4] + a.z * a.x * s[5]);
-}
-
 static void add_plate(Draft *draft, const Body *body, const ChiaroPrimitive *node, const float *axes)
 {
     const ChiaroObject *object = &body->object;
@@ -139,7 +133,7 @@ static void add_plate(Draft *draft, const Body *body, const ChiaroPrimitive *nod
         for (uint32_t k = 0; k < 2; k++) {
             float away = vec3_dot(draft->edge[k], from);
             draft->sum[k] += element->area * away;
-            draft->square[k] += element->area * (away * away + spread_along(object->element_more[e].spread, draft->edge[k]));
+            draft->square[k] += element->area * (away * away + chiaro_spread_along(object->element_more[e].spread, draft->edge[k]));
         }
     }
 }
@@ -194,10 +188,30 @@ bool chiaro_object_is_ball(const ChiaroObject *object)
     return chiaro_is_ball(object->primitives.nodes) && vec3_max(node_emission(object, true, object->primitives.nodes)) <= 0;
 }
 
-uint32_t chiaro_blockers_make(const Pose *pose, const Body *body, const float *axes, uint32_t id,
+/* The cube of the nearest part, if it shows any light. */
+static uint32_t cube_of(const ChiaroWorld *world, const Pose *pose, const Body *body, const float *texels, Vec3 center)
+{
+    uint32_t nearest = 0, count = 4 * world->texel_count;
+    float least = INFINITY;
+    for (uint32_t p = 0; p < body->object.part_count; p++) {
+        float distance = vec3_length(vec3_sub(pose_point(pose, vec3_load(body->object.parts[p].center)), center));
+        if (distance < least)
+            least = distance, nearest = body->first_slot + p;
+    }
+    const float *cube = texels + (size_t)nearest * count;
+    for (uint32_t t = 0; t < count; t += 4) {
+        if (vec3_max(vec3_load(cube + t)) > 0)
+            return nearest;
+    }
+    return CHIARO_NONE;
+}
+
+uint32_t chiaro_blockers_make(const ChiaroWorld *world, uint32_t id, const Pose *pose, const Shine *shine,
                               ChiaroWorldBlocker *blockers)
 {
+    const Body *body = &world->bodies[id];
     const ChiaroObject *object = &body->object;
+    const float *axes = shine->axes + 36 * (size_t)body->first_element;
     uint32_t chosen[CHIARO_MAX_OBJECT_BLOCKERS], nodes = choose_nodes(&object->primitives, chosen), count = 0;
     Draft drafts[CHIARO_MAX_OBJECT_BLOCKERS];
     for (uint32_t k = 0; k < nodes; k++) {
@@ -213,8 +227,10 @@ uint32_t chiaro_blockers_make(const Pose *pose, const Body *body, const float *a
             drafts[count++] = begin_plate(node);
         add_plate(&drafts[d], body, node, axes + 18 * (size_t)chosen[k]);
     }
-    for (uint32_t d = 0; d < count; d++)
+    for (uint32_t d = 0; d < count; d++) {
         blockers[d] = drafts[d].plate ? finish_plate(pose, &drafts[d], id)
                                       : make_ball(pose, body, drafts[d].node, axes + 18 * (size_t)drafts[d].node, id);
+        blockers[d].cube = cube_of(world, pose, body, shine->texels, vec3_load(blockers[d].center));
+    }
     return count;
 }

@@ -271,10 +271,10 @@ static void make_blockers(ChiaroWorld *world, BlockerGrid *grid, bool newest, ui
         const Body *body = &world->bodies[grid->cursor];
         if (newest ? !body->used : !body->present)
             continue;
-        const float *axes = newest && body->painted ? world->next.axes : world->last.axes;
+        const Shine *shine = newest && body->painted ? &world->next : &world->last;
         ChiaroWorldBlocker *made = grid->blockers + grid->view.blocker_count;
-        uint32_t made_count = chiaro_blockers_make(newest ? &body->now : &body->pose, body,
-                                                   axes + 36 * (size_t)body->first_element, grid->cursor, made);
+        uint32_t made_count =
+            chiaro_blockers_make(world, grid->cursor, newest ? &body->now : &body->pose, shine, made);
         for (uint32_t b = 0; b < made_count && (world->without & CHIARO_WORLD_WITHOUT_EMITTERS); b++)
             memset(made[b].emission, 0, sizeof made[b].emission);
         grid->view.blocker_count += made_count;
@@ -420,11 +420,60 @@ static Lanes window_lanes(Lanes away, Lanes reach)
     return lanes_max(lanes_of(0), lanes_of(1) - ratio * ratio);
 }
 
+/* What comes from behind blockers, as their cubes see it: summed over forms, those of blockers with cubes, and of all. */
+typedef struct Behind {
+    Vec3 light;
+    float known, forms;
+} Behind;
+
+/* Where a sum over a cell is taken, and whether of the far shares or of the near ones. */
+typedef struct Receiver {
+    const ChiaroWorld *world;
+    const BlockerGrid *grid;
+    const float *point, *normal;
+    bool far;
+} Receiver;
+
+/* Irradiance / pi. The round asks cubes of the round before; the host, those that it was given. */
+static Vec3 ask_cube(const ChiaroWorld *world, const BlockerGrid *grid, uint32_t slot, Vec3 way)
+{
+    ChiaroCubeTaps taps = chiaro_cube_taps(world->kernel, way);
+    ChiaroCubeFormat format = (ChiaroCubeFormat)world->desc.format;
+    Vec3 sum = {0, 0, 0};
+    for (uint32_t k = 0; k < 4; k++) {
+        const float *texel = world->last.texels + 4 * ((size_t)slot * world->texel_count + taps.texel[k]);
+        const uint8_t *encoded = world->encoded + slot * world->encoded_bytes;
+        float shown[4];
+        if (grid == &world->shown) {
+            encoded += taps.texel[k] * chiaro_cube_format_size(format);
+            chiaro_cube_decode(format, encoded, 1, world->scales[slot], shown);
+            texel = shown;
+        }
+        sum = vec3_mad(sum, vec3_load(texel), taps.weight[k]);
+    }
+    return sum;
+}
+
+static void add_behind(const Receiver *at, const ChiaroWorldBlocker *blocker, Vec3 way, float form, Behind *behind)
+{
+    behind->forms += form;
+    if (blocker->cube == CHIARO_NONE || !(form > 0))
+        return;
+    Vec3 front = ask_cube(at->world, at->grid, blocker->cube, way);
+    Vec3 back = ask_cube(at->world, at->grid, blocker->cube, vec3_scale(way, -1));
+    Vec3 seen = vec3_positive(vec3_mad(front, vec3_sub(front, back), CHIARO_BEHIND));
+    behind->light = vec3_mad(behind->light, seen, CHIARO_PI * form);
+    behind->known += form;
+}
+
 /* The near shares, with the shine of `blocked`; or the far ones, which make `blocked`. Of plain balls, each of which is an
  * object. */
-static float sum_balls(const BlockerGrid *grid, const uint32_t *entries, uint32_t count, const float point[3],
-                       const float normal[3], bool far, float shine[4], Vec3 *bounce)
+static float sum_balls(const Receiver *at, const uint32_t *entries, uint32_t count, float shine[4], Vec3 *bounce,
+                       Behind *behind)
 {
+    const BlockerGrid *grid = at->grid;
+    const float *point = at->point, *normal = at->normal;
+    const bool far = at->far;
     const Vec3 none = {0, 0, 0}, mean = vec3_scale(vec3_load(shine), shine[3] > 0 ? 1 / shine[3] : 0);
     float open = 1;
     for (uint32_t k = 0; k < count; k += LANES) {
@@ -449,10 +498,12 @@ static float sum_balls(const BlockerGrid *grid, const uint32_t *entries, uint32_
             if (!(all[lane] > 0))
                 continue;
             if (far) {
-                radiance = blocker_shine(&grid->blockers[entries[k + lane]],
-                                         vec3(-way[0][lane], -way[1][lane], -way[2][lane]));
+                const ChiaroWorldBlocker *ball = &grid->blockers[entries[k + lane]];
+                Vec3 there = vec3(way[0][lane], way[1][lane], way[2][lane]);
+                radiance = blocker_shine(ball, vec3_scale(there, -1));
                 vec3_store(shine, vec3_mad(vec3_load(shine), radiance, all[lane] * form[lane]));
                 shine[3] += all[lane] * form[lane];
+                add_behind(at, ball, there, all[lane] * form[lane], behind);
             }
             open *= take_object(share[lane], vec3_scale(radiance, share[lane]), none, bounce);
         }
@@ -461,21 +512,23 @@ static float sum_balls(const BlockerGrid *grid, const uint32_t *entries, uint32_
 }
 
 /* The same of all other objects, of one blocker or more. */
-static float sum_pieces(const BlockerGrid *grid, const uint32_t *entries, uint32_t count, const float point[3],
-                        const float normal[3], bool far, Vec3 *bounce)
+static float sum_pieces(const Receiver *at, const uint32_t *entries, uint32_t count, Vec3 *bounce, Behind *behind)
 {
     const Vec3 none = {0, 0, 0};
     float open = 1, sum = 0;
     Vec3 own = none, emitted = none;
     uint32_t last = CHIARO_NONE;
     for (uint32_t k = 0; k < count; k++) {
-        const ChiaroWorldBlocker *blocker = &grid->blockers[entries[k]];
-        Vec3 way = vec3_sub(vec3_load(point), vec3_load(blocker->center));
+        const ChiaroWorldBlocker *blocker = &at->grid->blockers[entries[k]];
+        Vec3 way = vec3_sub(vec3_load(at->point), vec3_load(blocker->center));
         float distance = vec3_length(way), share = chiaro_blocker_window(distance, CHIARO_BLOCKER_NEAR * blocker->radius);
-        float all = far ? chiaro_blocker_window(distance, CHIARO_BLOCKER_REACH * blocker->radius) : share;
+        float all = at->far ? chiaro_blocker_window(distance, CHIARO_BLOCKER_REACH * blocker->radius) : share;
         if (!(all > 0))
             continue;
-        float form = (far ? all - share : share) * blocker_form(blocker, point, normal);
+        float form = blocker_form(blocker, at->point, at->normal);
+        if (at->far)
+            add_behind(at, blocker, vec3_scale(way, -1), all * form, behind);
+        form *= at->far ? all - share : share;
         if (blocker->object != last) {
             open *= take_object(sum, own, emitted, bounce);
             sum = 0, own = emitted = none, last = blocker->object;
@@ -487,42 +540,57 @@ static float sum_pieces(const BlockerGrid *grid, const uint32_t *entries, uint32
     return open * take_object(sum, own, emitted, bounce);
 }
 
-static float sum_cell(const BlockerGrid *grid, const float point[3], const float normal[3], bool far,
-                      ChiaroBlockedFar *blocked, Vec3 *bounce)
+static float sum_cell(const Receiver *at, float shine[4], Vec3 *bounce, Behind *behind)
 {
-    const ChiaroBlockerCells *cells = far ? &grid->view.far : &grid->view.near;
-    uint32_t word = find_cell(cells, point), balls = CHIARO_CELL_BALLS(word);
+    const ChiaroBlockerCells *cells = at->far ? &at->grid->view.far : &at->grid->view.near;
+    uint32_t word = find_cell(cells, at->point), balls = CHIARO_CELL_BALLS(word);
     const uint32_t *entries = cells->entries + CHIARO_CELL_FIRST(word);
     *bounce = vec3(0, 0, 0);
-    float open = sum_balls(grid, entries, balls, point, normal, far, blocked->shine, bounce);
-    return open * sum_pieces(grid, entries + balls, CHIARO_CELL_OTHERS(word), point, normal, far, bounce);
+    *behind = (Behind){.forms = 0};
+    float open = sum_balls(at, entries, balls, shine, bounce, behind);
+    return open * sum_pieces(at, entries + balls, CHIARO_CELL_OTHERS(word), bounce, behind);
 }
 
-static void blocked_far(const BlockerGrid *grid, const float point[3], const float normal[3], ChiaroBlockedFar *far)
+/* What is left of irradiance, all but `open` of which is blocked: open * (irradiance + more * (irradiance - hidden)). Where
+ * blocked is small that is less by blocked * hidden, and where all is blocked it is nothing: blocked / open is a series, of
+ * which two terms are taken. */
+static float more_of(float open) { return (1 - open) * (2 - open); }
+
+static void blocked_far(const ChiaroWorld *world, const BlockerGrid *grid, const float point[3], const float normal[3],
+                        ChiaroBlockedFar *far)
 {
+    const Receiver at = {world, grid, point, normal, true};
     Vec3 bounce;
+    Behind behind;
     *far = (ChiaroBlockedFar){0};
-    far->open = sum_cell(grid, point, normal, true, far, &bounce);
-    vec3_store(far->bounce, bounce);
+    float open = sum_cell(&at, far->shine, &bounce, &behind), more = open * more_of(open);
+    float inverse = behind.forms > 0 ? 1 / behind.forms : 0, known = behind.known * inverse;
+    Vec3 beyond = vec3_scale(behind.light, inverse);
+    far->open = open + more * known;
+    vec3_store(far->bounce, vec3_mad(bounce, beyond, -more));
+    vec3_store(far->hidden, vec3_mad(bounce, beyond, open));
+    far->hidden[3] = open * (1 - known);
 }
 
-static float blocked_near(const BlockerGrid *grid, const float point[3], const float normal[3],
-                          const ChiaroBlockedFar *far, Vec3 *bounce)
+static float blocked_near(const ChiaroWorld *world, const BlockerGrid *grid, const float point[3],
+                          const float normal[3], const ChiaroBlockedFar *far, Vec3 *bounce)
 {
+    const Receiver at = {world, grid, point, normal, false};
     ChiaroBlockedFar blocked = *far;
-    float open = sum_cell(grid, point, normal, false, &blocked, bounce);
-    *bounce = vec3_mad(*bounce, vec3_load(far->bounce), open);
-    return open * far->open;
+    Behind behind;
+    float open = sum_cell(&at, blocked.shine, bounce, &behind), more = open * more_of(open), kept = open + more;
+    *bounce = vec3_mad(vec3_mad(*bounce, vec3_load(far->bounce), kept), vec3_load(far->hidden), -more);
+    return kept * far->open - more * far->hidden[3];
 }
 
-float chiaro_blockers_at(const BlockerGrid *grid, Vec3 point, Vec3 normal, Vec3 *bounce)
+float chiaro_blockers_at(const ChiaroWorld *world, Vec3 point, Vec3 normal, Vec3 *bounce)
 {
     float p[3], n[3];
     ChiaroBlockedFar far;
     vec3_store(p, point);
     vec3_store(n, normal);
-    blocked_far(grid, p, n, &far);
-    return blocked_near(grid, p, n, &far, bounce);
+    blocked_far(world, &world->grid, p, n, &far);
+    return blocked_near(world, &world->grid, p, n, &far, bounce);
 }
 
 bool chiaro_blockers_show(ChiaroWorld *world, uint32_t count)
@@ -574,14 +642,14 @@ void chiaro_world_blockers_follow(ChiaroWorld *world, bool held)
 
 void chiaro_world_blocked_far(ChiaroWorld *world, const float point[3], const float normal[3], ChiaroBlockedFar *far)
 {
-    blocked_far(newest(world), point, normal, far);
+    blocked_far(world, newest(world), point, normal, far);
 }
 
 float chiaro_world_blocked_near(ChiaroWorld *world, const float point[3], const float normal[3],
                                 const ChiaroBlockedFar *far, float bounce[3])
 {
     Vec3 sum;
-    float open = blocked_near(newest(world), point, normal, far, &sum);
+    float open = blocked_near(world, newest(world), point, normal, far, &sum);
     vec3_store(bounce, sum);
     return open;
 }

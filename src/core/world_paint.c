@@ -8,6 +8,8 @@
  * form factor from the object's hull instead, and each row is normalised, so that even surroundings stay even. What the
  * smoothing carries is told by its fourth lane: how much of what a normal sees is far.
  */
+#include "lanes.h"
+#include "object.h"
 #include "world.h"
 
 #include <stdlib.h>
@@ -31,6 +33,8 @@ static const float NEAR_OBJECT = 4;
 static const float NEAR_LAMP = 24;
 /* Sharpening raises no light by more than this: a cosine wants 1.04 at 4x4x6. */
 static const float MOST_RAISED = 1.08f;
+/* Twenty-four where a piece is curved as a ball is. */
+static const float FACE_BEND = 24;
 /* Rows that see next to nothing are left as they are. */
 static const float LEAST_WEIGHT = 0.01f;
 /* Things less visible are left out of the near sum. */
@@ -39,8 +43,8 @@ static const float LEAST_VISIBLE = 0.01f;
 enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS };
 
 /* A cube is painted in steps, so that a frame can stop between any two of them: its neighbours; blocks of rays; sky and
- * smoothing; what is near, for some texels at a time. */
-enum { BLOCKS_A_STEP = 6, TEXELS_A_STEP = 24, OTHER_STEPS = 2 };
+ * smoothing; what is near, for some texels at a time; all of it together. */
+enum { BLOCKS_A_STEP = 6, TEXELS_A_STEP = 24, FACES_A_PART = 24, OTHER_STEPS = 3 };
 
 typedef struct Canvas {
     ChiaroWorld *world;
@@ -260,8 +264,9 @@ static Vec3 near_radiance(const ChiaroWorld *world, const Piece *piece)
     if (piece->area < piece->leaf_area && light->visible && light->light_count)
         direct = vec3_add(piece->emission,
                           vec3_mul(piece->albedo, chiaro_world_direct(world, piece->center, piece->normal)));
-    float open = chiaro_blockers_at(&world->grid, piece->center, piece->normal, &bounce);
-    return vec3_scale(vec3_add(vec3_mad(direct, piece->ambient, open), vec3_mul(piece->albedo, bounce)), 1 / CHIARO_PI);
+    float open = chiaro_blockers_at(world, piece->center, piece->normal, &bounce);
+    Vec3 ambient = vec3_positive(vec3_mad(vec3_mul(piece->albedo, bounce), piece->ambient, open));
+    return vec3_scale(vec3_add(direct, ambient), 1 / CHIARO_PI);
 }
 
 static void add_plate(Canvas *canvas, const Piece *piece, Vec3 radiance)
@@ -391,9 +396,9 @@ static void resolve(Canvas *canvas)
 {
     const ChiaroWorld *world = canvas->world;
     for (uint32_t t = 0; t < world->texel_count; t++) {
-        float cover = fminf(1, canvas->full[t]), near = canvas->near[t].coverage, far = canvas->far[t].coverage;
-        float near_seen = near * (1 - fminf(1, canvas->before_near[t]));
-        float far_open = (1 - near) * (1 - fminf(1, canvas->before_far[t])), sky = (1 - near) * (1 - far);
+        float cover = chiaro_clamp(canvas->full[t], 0, 1), near = canvas->near[t].coverage, far = canvas->far[t].coverage;
+        float near_seen = near * (1 - chiaro_clamp(canvas->before_near[t], 0, 1));
+        float far_open = (1 - near) * (1 - chiaro_clamp(canvas->before_far[t], 0, 1)), sky = (1 - near) * (1 - far);
         for (uint32_t c = 0; c < 3; c++) {
             float *radiance = &canvas->radiance[4 * t + c];
             *radiance += far_open * canvas->far[t].radiance[c];
@@ -406,52 +411,113 @@ static void resolve(Canvas *canvas)
 
 /* What is near is nearer from the hull than from the centre, so what is far has to make room; or it has moved aside, as
  * the frame of a window does, and more of what is far is seen. What both leave of the row then, both fill. */
-static Vec3 fill_row(const float texel[4], const float near[4])
+static Lanes fill_row(const float texel[4], const float near[4])
 {
-    float far = fmaxf(0, texel[3]), keep = 1, scale = 1;
+    float far = chiaro_clamp(texel[3], 0, INFINITY), keep = 1, scale = 1;
     if (far + near[3] > LEAST_WEIGHT) {
-        keep = chiaro_clamp((1 - near[3]) / fmaxf(far, LEAST_WEIGHT), 0, FAR_GROWS);
+        keep = chiaro_clamp((1 - near[3]) / chiaro_clamp(far, LEAST_WEIGHT, INFINITY), 0, FAR_GROWS);
         scale = 1 / (keep * far + near[3]);
     }
-    return vec3_scale(vec3_mad(vec3_load(near), vec3_load(texel), keep), scale);
+    return (lanes_load(near) + keep * lanes_load(texel)) * scale;
 }
 
 static bool has_near(const Canvas *canvas) { return canvas->near_things.plate_count || canvas->near_things.ball_count; }
+
+/* A place of the hull, by a normal in the object's own space: from the middle of the part. */
+static Vec3 hull_place(const Canvas *canvas, const float normal[3])
+{
+    const ChiaroWorld *world = canvas->world;
+    uint32_t edge = world->desc.edge, row = edge == 4 ? 0 : edge == 6 ? 96 : 96 + 216;
+    const float *hull = canvas->body->object.hull;
+    float place[4] = {0};
+    row += canvas->part * CHIARO_HULL_TEXELS;
+    if (hull)
+        chiaro_cube_look_up(world->kernel, hull + 4 * (size_t)row, normal, place);
+    return vec3_scale(pose_turn(&canvas->body->pose, vec3_load(place)), canvas->body->pose.scale);
+}
 
 /* What is near, as each normal's own place on the hull sees it. */
 static void sum_near(Canvas *canvas, uint32_t first)
 {
     const ChiaroWorld *world = canvas->world;
-    const Pose *pose = &canvas->body->pose;
-    uint32_t edge = world->desc.edge, row = edge == 4 ? 0 : edge == 6 ? 96 : 96 + 216;
-    const float *hull = canvas->body->object.hull;
-    row += canvas->part * CHIARO_HULL_TEXELS;
     for (uint32_t t = first; has_near(canvas) && t < first + TEXELS_A_STEP && t < world->texel_count; t++) {
         Vec3 normal = vec3_load(world->kernel->centre[t]);
-        float local[3], place[4] = {0};
-        vec3_store(local, pose_turn_back(pose, normal));
-        if (hull)
-            chiaro_cube_look_up(world->kernel, hull + 4 * (size_t)row, local, place);
-        Vec3 skin = vec3_scale(pose_turn(pose, vec3_load(place)), pose->scale);
-        chiaro_near_sum(&canvas->near_things, vec3_add(canvas->center, skin), normal, canvas->near_light + 4 * t);
+        float local[3];
+        vec3_store(local, pose_turn_back(&canvas->body->pose, normal));
+        chiaro_near_sum(&canvas->near_things, vec3_add(canvas->center, hull_place(canvas, local)), normal,
+                        canvas->near_light + 4 * t);
     }
 }
 
-static void add_near(const Canvas *canvas, float *texels)
+/* What a look-up along a texel's normal should find, for all of them. `far`: smoothed. */
+static void fill_texels(const Canvas *canvas, const float *far, float *texels)
 {
     const ChiaroWorld *world = canvas->world;
     const float *light = canvas->near_light;
     float sharp[4 * CHIARO_CUBE_MAX_TEXELS];
-    if (!has_near(canvas))
-        return;
     memcpy(sharp, light, 4 * world->texel_count * sizeof *light);
     chiaro_cube_sharpen(world->kernel, sharp);
-    for (uint32_t t = 0; t < world->texel_count; t++) {
-        float *texel = texels + 4 * (size_t)t;
+    for (uint32_t t = 0; t < 4 * world->texel_count; t += 4) {
         /* What differs more from its neighbours than a cosine does is an edge, which no look-up rounds off. */
-        Vec3 most = vec3_scale(fill_row(texel, light + 4 * t), MOST_RAISED), value = fill_row(texel, sharp + 4 * t);
-        vec3_store(texel, vec3(fminf(value.x, most.x), fminf(value.y, most.y), fminf(value.z, most.z)));
+        Lanes value = lanes_min(fill_row(far + t, sharp + t), MOST_RAISED * fill_row(far + t, light + t));
+        memcpy(texels + t, &value, 3 * sizeof *texels);
     }
+}
+
+/* How much an element says of what look-ups find: nothing where its normals spread over a texel, for it is one sample of
+ * many places between texels. Normals of a piece of a ball spread by an angle whose square is 24 times what the piece is
+ * thick for its extent, both as mean squares. */
+static float face_weight(const Canvas *canvas, uint32_t e)
+{
+    const ChiaroObject *object = &canvas->body->object;
+    const float *spread = object->element_more[e].spread, texel = CHIARO_PI / 2 / (float)canvas->world->desc.edge;
+    float thick = chiaro_spread_along(spread, vec3_load(object->elements[e].normal));
+    float extent = (spread[0] + spread[1] + spread[2]) * texel * texel;
+    return object->elements[e].area * fmaxf(0, extent > 0 ? 1 - FACE_BEND * thick / extent : 1);
+}
+
+/* Flat faces are looked up along one normal only, between texels as a rule, and what is near may change its light faster
+ * than any texels about it can tell: before an opening it is darkest just there. So texels move until elements that are
+ * flat find what is true for them; where they disagree, the mean. */
+static void fit_faces(Canvas *canvas, const float *far, float *texels)
+{
+    const ChiaroCubeKernel *kernel = canvas->world->kernel;
+    const ChiaroObject *object = &canvas->body->object;
+    const Pose *pose = &canvas->body->pose;
+    float wrong[4 * CHIARO_CUBE_MAX_TEXELS] = {0}; /* the fourth number is the weight */
+    uint32_t stride = 1 + object->element_count / (FACES_A_PART * (object->part_count + 1));
+    for (uint32_t e = 0; e < object->element_count; e += stride) {
+        float weight = face_weight(canvas, e), n[3], there[4], now[4], near[4];
+        if (object->element_more[e].part != canvas->part || !(weight > 0))
+            continue;
+        Vec3 normal = pose_turn(pose, vec3_load(object->elements[e].normal));
+        vec3_store(n, normal);
+        chiaro_near_sum(&canvas->near_things, pose_point(pose, vec3_load(object->elements[e].position)), normal, near);
+        chiaro_cube_look_up(kernel, far, n, there);
+        chiaro_cube_look_up(kernel, texels, n, now);
+        Lanes missing = fill_row(there, near) - lanes_load(now);
+        missing[3] = 1; /* the weight */
+        ChiaroCubeTaps taps = chiaro_cube_taps(kernel, normal);
+        for (uint32_t k = 0; k < 4; k++) {
+            float *sum = wrong + 4 * taps.texel[k];
+            Lanes more = lanes_load(sum) + weight * taps.weight[k] * missing;
+            memcpy(sum, &more, sizeof more);
+        }
+    }
+    for (uint32_t t = 0; t < 4 * canvas->world->texel_count; t += 4) {
+        if (wrong[t + 3] > 0)
+            vec3_store(texels + t, vec3_mad(vec3_load(texels + t), vec3_load(wrong + t), 1 / wrong[t + 3]));
+    }
+}
+
+static void add_near(Canvas *canvas, float *texels)
+{
+    float far[4 * CHIARO_CUBE_MAX_TEXELS];
+    if (!has_near(canvas))
+        return;
+    memcpy(far, texels, 4 * canvas->world->texel_count * sizeof *far);
+    fill_texels(canvas, far, texels);
+    fit_faces(canvas, far, texels);
 }
 
 /* `id`: of the object that is there; CHIARO_NONE: none. */
@@ -499,9 +565,9 @@ static void paint_step(Canvas *canvas, uint32_t id, uint32_t step, float *texels
         paint_blocks(canvas, (step - 1) * BLOCKS_A_STEP * WORLD_BLOCK);
     else if (step == rays + 1)
         smooth(canvas, texels);
+    else if (step + 1 < chiaro_world_steps(world))
+        sum_near(canvas, (step - rays - 2) * TEXELS_A_STEP);
     else
-        sum_near(canvas, (step - rays - OTHER_STEPS) * TEXELS_A_STEP);
-    if (step + 1 == chiaro_world_steps(world))
         add_near(canvas, texels);
 }
 
@@ -545,7 +611,7 @@ static void light_elements(ChiaroWorld *world, const Body *body)
         float n[3], value[4];
         vec3_store(n, normal);
         chiaro_cube_look_up(world->kernel, texels, n, value);
-        Vec3 ambient = vec3(fmaxf(0, value[0]), fmaxf(0, value[1]), fmaxf(0, value[2]));
+        Vec3 ambient = vec3_positive(vec3_load(value));
         Vec3 light = vec3_mad(chiaro_world_direct(world, place, normal), vec3_mul(ambient, vec3_load(more->cavity)),
                               CHIARO_PI);
         light = vec3_mul(light, vec3_load(element->albedo));

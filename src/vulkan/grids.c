@@ -17,7 +17,8 @@ _Static_assert(sizeof(ChiaroWorldBlocker) == 4 * CHIARO_BLOCKER_WORDS &&
                    offsetof(ChiaroWorldBlocker, along) == 4 * CHIARO_BLOCKER_ALONG &&
                    offsetof(ChiaroWorldBlocker, radiance) == 4 * CHIARO_BLOCKER_RADIANCE &&
                    offsetof(ChiaroWorldBlocker, emission) == 4 * CHIARO_BLOCKER_EMISSION &&
-                   offsetof(ChiaroWorldBlocker, object) == 4 * CHIARO_BLOCKER_OBJECT,
+                   offsetof(ChiaroWorldBlocker, object) == 4 * CHIARO_BLOCKER_OBJECT &&
+                   offsetof(ChiaroWorldBlocker, cube) == 4 * CHIARO_BLOCKER_CUBE,
                "words of a blocker");
 
 /* The part of a budget that is theirs, and what a piece costs where the budget is units: by measurement, as all are. */
