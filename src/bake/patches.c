@@ -9,6 +9,7 @@
 #include "../core/log.h"
 #include "../offline/parallel.h"
 #include "../core/random.h"
+#include "../core/samples.h"
 #include "bake.h"
 #include "chiaro_shared.h"
 #include "lattice.h"
@@ -79,6 +80,13 @@ static void small_color(const Baker *baker, uint32_t small, Vec3 *albedo, Vec3 *
         *albedo = vec3_mad(*albedo, vec3_load(a), weight);
         *emission = vec3_mad(*emission, vec3_load(e), weight);
     }
+}
+
+static Vec3 small_transmission(const Baker *baker, uint32_t small)
+{
+    const Patches *p = &baker->patches;
+    return chiaro_material_transmission(
+        &baker->scene->materials[baker->scene->parts[p->triangle_part[p->small_triangle[small]]].material]);
 }
 
 static bool is_emitter(const ChiaroScene *scene, uint32_t part)
@@ -177,7 +185,7 @@ static float local_size(const Baker *baker, const Sizing *sizing, uint32_t small
 }
 
 /* What makes two small triangles alike, in metres: direction counts as two patches, colour as one, and emitters stay
- * among themselves whatever it costs. They weigh as much as they fill of a patch of the local size. */
+ * among themselves whatever it costs, as does what lets light through. They weigh as much as they fill of a patch of the local size. */
 static ClusterItem *describe_small(const Baker *baker, const Sizing *sizing)
 {
     const Patches *p = &baker->patches;
@@ -192,7 +200,7 @@ static ClusterItem *describe_small(const Baker *baker, const Sizing *sizing)
         float *f = items[s].feature, size = local_size(baker, sizing, s);
         size /= emits ? sqrtf(p->emitter_boost) : 1;
         vec3_store(f, vec3_scale(vec3_add(c[0], vec3_add(c[1], c[2])), 1.0f / 3));
-        f[3] = emits ? far : 0;
+        f[3] = (emits ? far : 0) + (vec3_max(small_transmission(baker, s)) > 0 ? 2 * far : 0);
         vec3_store(f + 4, vec3_scale(vec3_normalize(cross), 2 * size));
         vec3_store(f + 7, vec3_scale(albedo, size));
         items[s].unit = size;
@@ -312,19 +320,22 @@ static ChiaroResult make_sample(Baker *baker, const ClusterItem *items, uint32_t
     ClusterTree tree;
     if (!own)
         return CHIARO_ERROR_MEMORY;
-    double area = 0, albedo[3] = {0, 0, 0}, emission[3] = {0, 0, 0};
+    double area = 0, albedo[3] = {0, 0, 0}, emission[3] = {0, 0, 0}, transmission[3] = {0, 0, 0};
     for (uint32_t k = 0; k < count; k++) {
-        Vec3 a, e;
+        Vec3 a, e, t;
         own[k] = items[small[k]];
         small_color(baker, small[k], &a, &e);
+        t = vec3_mul(a, small_transmission(baker, small[k]));
         double w = own[k].weight;
         area += w;
         albedo[0] += w * a.x, albedo[1] += w * a.y, albedo[2] += w * a.z;
         emission[0] += w * e.x, emission[1] += w * e.y, emission[2] += w * e.z;
+        transmission[0] += w * t.x, transmission[1] += w * t.y, transmission[2] += w * t.z;
     }
     for (int c = 0; c < 3; c++) {
         sample->albedo[c] = (float)(albedo[c] / area);
         sample->emission[c] = CHIARO_PI * (float)(emission[c] / area);
+        sample->transmission[c] = (float)(transmission[c] / area);
     }
     sample->area = (float)area;
     sample->first_point = baker->point_count;

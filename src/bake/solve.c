@@ -24,11 +24,12 @@ static const double TOLERANCE = 1e-4;
 /* Mean square of a training light on the surfaces against that of its source, below which it is left out. */
 static const double LEAST_LIGHT = 1e-3;
 
-/* Adds what a row sends to each cluster to sums[cluster]. */
-static void add_to_clusters(const Baker *baker, const RowEntry *row, size_t count, float *sums)
+/* Adds what entries of a row, each `scale` times, send to each cluster to sums[cluster]. */
+static void add_to_clusters(const Baker *baker, size_t begin, size_t end, float scale, float *sums)
 {
-    for (size_t e = 0; e < count && row[e].node < baker->sample_count; e++)
-        sums[baker->sample_cluster[row[e].node]] += row[e].weight;
+    const RowEntry *row = baker->rows;
+    for (size_t e = begin; e < end && row[e].node < baker->sample_count; e++)
+        sums[baker->sample_cluster[row[e].node]] += scale * row[e].weight;
 }
 
 /* How nodes become clusters. */
@@ -49,8 +50,7 @@ static bool is_one_place(const Collector *c, const ChiaroNode *node)
         const ChiaroNode *child = &baker->nodes[half ? node->right : node->left];
         memset(c->seen[half], 0, c->bins * sizeof *c->seen[half]);
         for (uint32_t s = child->first; s < child->first + child->count; s++)
-            add_to_clusters(baker, baker->rows + baker->row_first[s], baker->row_first[s + 1] - baker->row_first[s],
-                            c->seen[half]);
+            add_to_clusters(baker, baker->row_first[s], chiaro_row_behind(baker, s), 1, c->seen[half]);
         for (uint32_t i = 0; i < c->bins; i++)
             sum[half] += (double)c->seen[half][i];
     }
@@ -127,9 +127,11 @@ static ChiaroResult coarse_inverse(Baker *baker)
         for (uint32_t s = 0; s < baker->sample_count; s++) {
             uint32_t i = baker->sample_cluster[s];
             double share = baker->samples[s].area / baker->nodes[baker->clusters[i]].area;
+            float through = chiaro_behind_share(baker, s, c);
             a[(size_t)i * n + i] += share;
             memset(row, 0, n * sizeof *row);
-            add_to_clusters(baker, baker->rows + baker->row_first[s], baker->row_first[s + 1] - baker->row_first[s], row);
+            add_to_clusters(baker, baker->row_first[s], chiaro_row_behind(baker, s), 1 - through, row);
+            add_to_clusters(baker, chiaro_row_behind(baker, s), baker->row_first[s + 1], through, row);
             for (uint32_t j = 0; j < n; j++)
                 a[(size_t)i * n + j] -= share * baker->samples[s].albedo[c] * row[j];
         }
@@ -178,14 +180,28 @@ static void correct_coarsely(const Baker *baker, uint32_t first, double *residua
     }
 }
 
-/* image = F values; leaves from `end` on are dark. */
-static void gather(const Baker *baker, const double *values, uint32_t end, double *image)
+/* sum += what entries of a row have of the values; leaves from `end` on are dark. */
+static void add_row(const Baker *baker, size_t first, size_t last, const double *values, uint32_t end, double sum[BLOCK])
+{
+    for (size_t e = first; e < last && baker->rows[e].node < end; e++)
+        chiaro_axpy_double(sum, (double)baker->rows[e].weight, values + (size_t)baker->rows[e].node * BLOCK, BLOCK);
+}
+
+/* image = F values, for columns from `first` on; leaves from `end` on are dark. */
+static void gather(const Baker *baker, uint32_t first, const double *values, uint32_t end, double *image)
 {
     for (uint32_t s = 0; s < baker->sample_count; s++) {
-        double *sum = image + (size_t)s * BLOCK;
+        double *sum = image + (size_t)s * BLOCK, other[BLOCK] = {0};
+        size_t behind = chiaro_row_behind(baker, s), last = baker->row_first[s + 1];
         memset(sum, 0, BLOCK * sizeof *sum);
-        for (size_t e = baker->row_first[s]; e < baker->row_first[s + 1] && baker->rows[e].node < end; e++)
-            chiaro_axpy_double(sum, (double)baker->rows[e].weight, values + (size_t)baker->rows[e].node * BLOCK, BLOCK);
+        add_row(baker, baker->row_first[s], behind, values, end, sum);
+        if (!baker->row_behind)
+            continue;
+        add_row(baker, behind, last, values, end, other);
+        for (uint32_t k = 0; k < BLOCK; k++) {
+            double share = (double)chiaro_behind_share(baker, s, baker->column_channel[first + k]);
+            sum[k] += share * (other[k] - sum[k]);
+        }
     }
 }
 
@@ -197,7 +213,7 @@ static double albedo_of(const Baker *baker, uint32_t sample, uint32_t column)
 /* image = (I - rho F) step */
 static void apply(const Baker *baker, uint32_t first, const double *step, double *image)
 {
-    gather(baker, step, baker->sample_count, image);
+    gather(baker, first, step, baker->sample_count, image);
     for (uint32_t s = 0; s < baker->sample_count; s++) {
         for (size_t k = 0, i = (size_t)s * BLOCK; k < BLOCK; k++, i++)
             image[i] = step[i] - albedo_of(baker, s, first + (uint32_t)k) * image[i];
@@ -278,7 +294,7 @@ static void solve_block(Solve *solve, uint32_t block)
         solve->failed = true;
         return;
     }
-    gather(baker, c.total, baker->leaf_count, c.residual);
+    gather(baker, first, c.total, baker->leaf_count, c.residual);
     for (size_t i = 0; i < count; i++) /* of B = x, to begin with */
         c.residual[i] *= albedo_of(baker, (uint32_t)(i / BLOCK), first + (uint32_t)(i % BLOCK));
     for (uint32_t sweep = 0; sweep < MAX_SWEEPS; sweep++) {
@@ -304,7 +320,7 @@ static void solve_block(Solve *solve, uint32_t block)
         add(c.total, 1, along, step, count);
         add(c.residual, -1, along, image, count);
     }
-    gather(baker, c.total, baker->leaf_count, c.residual);
+    gather(baker, first, c.total, baker->leaf_count, c.residual);
     for (size_t i = 0; i < (size_t)baker->leaf_count * BLOCK; i++) {
         size_t at = i / BLOCK * baker->columns + first + i % BLOCK;
         baker->total[at] = (float)c.total[i];

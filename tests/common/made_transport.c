@@ -72,6 +72,7 @@ static void add_sample(Made *made, const ChiaroMaterial *material, const Vec3 co
     for (int i = 0; i < 3; i++) {
         sample->albedo[i] = material->albedo[i] * (1 - 0.1f * (float)i);
         sample->emission[i] = CHIARO_PI * material->emission[i];
+        sample->transmission[i] = sample->albedo[i] * ((float)material->transmission[i] / 255);
     }
     for (uint32_t i = 0; i < points; i++) {
         ChiaroPoint *point = &made->points[t->point_count++];
