@@ -49,7 +49,7 @@
 #define CHIARO_GPU_WITHOUT_TRANSMISSION 16384u
 
 /* Brings chiaro_noise() to mean square 1. */
-#define CHIARO_NOISE_SCALE 3.5
+#define CHIARO_NOISE_SCALE 5.23
 
 /* Structures of buffers and push constants: only 16-byte members, so that both languages lay them out alike. */
 #ifdef __STDC_VERSION__
