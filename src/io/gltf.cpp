@@ -430,10 +430,10 @@ private:
             double leaf = part_of(source, diffuse, "diffuseTransmissionFactor", -1, 0, index);
             double tint = part_of(source, diffuse, "diffuseTransmissionColorFactor", c, 1, index);
             double through = all * glass + leaf * tint, given = all * (1 - glass) * (1 - leaf);
-            if (!(through > 0))
+            if (!(glass + leaf > 0))
                 continue;
             all = given + through;
-            material->transmission[c] = uint8_t(std::lround(255 * through / all));
+            material->transmission[c] = all > 0 ? uint8_t(std::lround(255 * through / all)) : 0;
             material->albedo[c] = std::min(float(all), CHIARO_MAX_ALBEDO);
             *over |= float(all) > CHIARO_MAX_ALBEDO;
             any |= material->transmission[c] > 0;
