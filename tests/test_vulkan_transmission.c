@@ -7,6 +7,7 @@
 #include <cmocka.h>
 
 #include "common/check.h"
+#include "common/moving.h"
 #include "common/stage.h"
 
 static const uint8_t leaf[3] = {40, 200, 90};
@@ -148,6 +149,50 @@ static void a_scene_that_lets_nothing_through_has_nothing_of_it(void **state)
     }
 }
 
+/* A sheet that moves, under a sky that is white above and black below, seen from below. */
+static void an_object_shows_the_sky_behind_it(void **state)
+{
+    (void)state;
+    enum { ROWS = 64 };
+    float radiance[2 * ROWS * 3] = {0};
+    const ChiaroSky sky = {2, ROWS, radiance};
+    for (uint32_t i = 0; i < ROWS * 3; i++)
+        radiance[i] = 1;
+    Mesh far = mesh_begin(), mesh = mesh_begin();
+    mesh_material(&far, 0.5f, 0);
+    mesh_quad(&far, vec3(-1, -90, 1), vec3(1, -90, 1), vec3(1, -90, -1), vec3(-1, -90, -1));
+    mesh_sheet(&mesh, 0.8f, 0, vec3(-1, 0, 1), vec3(1, 0, 1), vec3(1, 0, -1), vec3(-1, 0, -1));
+    memcpy(mesh.materials[0].transmission, leaf, 3);
+    Moving sheet = moving_make(&mesh.scene, 0);
+    Stage stage = open_sheet(&far);
+    const ChiaroWorldDesc desc = {.struct_size = sizeof desc, .object_capacity = CHIARO_MAX_OBJECT_PARTS};
+    const float matrix[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+    const ChiaroVulkanMesh shape = {.part_count = sheet.scene.part_count, .object = &sheet.object};
+    ChiaroWorld *world;
+    uint32_t id;
+    assert_int_equal(chiaro_world_create(&desc, &world), CHIARO_OK);
+    assert_int_equal(chiaro_object_add(world, &sheet.object, matrix, &id), CHIARO_OK);
+    assert_int_equal(stage.api->sky_set(stage.chiaro, &sky), CHIARO_OK);
+    must(&stage, host_begin(&stage.host));
+    ChiaroVulkanObjects objects = {.struct_size = sizeof objects, .mesh_count = 1, .meshes = &shape, .scene = &sheet.scene,
+                                   .world = world, .command_buffer = stage.host.commands, .frame = stage.host.frame};
+    assert_int_equal(stage.api->objects_load(stage.chiaro, &objects), CHIARO_OK);
+    assert_int_equal(stage.api->object_show(stage.chiaro, id, 0), CHIARO_OK);
+    must(&stage, host_submit(&stage.host));
+    set_camera(&stage, vec3(0, -0.6f, 0), vec3(0, 1, 0), vec3(0, 0, 1), 0.4f);
+    const float *pixel = NULL;
+    for (uint32_t frame = 0; frame < 40; frame++)
+        pixel = render(&stage) + 4 * (SIZE / 2 * SIZE + SIZE / 2);
+    assert_used(&stage, "transmission");
+    for (int c = 0; c < 3; c++)
+        assert_near("pixel", c, (double)pixel[c], 0.8 * leaf[c] / 255, 0.03);
+    close_stage(&stage);
+    chiaro_world_destroy(world);
+    moving_free(&sheet);
+    mesh_end(&mesh);
+    mesh_end(&far);
+}
+
 /* ---- uneven ambient ------------------------------------------------------------------------------------------------- */
 
 /* What the noise makes of the floor's bounce light, pixel by pixel. */
@@ -195,6 +240,7 @@ int main(void)
         cmocka_unit_test(every_pass_gives_what_the_cpu_gives),
         cmocka_unit_test(a_pixel_shows_the_sun_behind_a_sheet),
         cmocka_unit_test(a_scene_that_lets_nothing_through_has_nothing_of_it),
+        cmocka_unit_test(an_object_shows_the_sky_behind_it),
         cmocka_unit_test(noise_on_bounce_light_is_slow_and_takes_and_gives_alike),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
