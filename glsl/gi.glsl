@@ -14,7 +14,7 @@ layout(set = 0, binding = 1) uniform samplerBuffer points;  /* two texels each: 
 layout(set = 0, binding = 2) uniform samplerBuffer areas;   /* of the nodes */
 layout(set = 0, binding = 3) uniform usamplerBuffer sources; /* of the nodes: first, count */
 layout(set = 0, binding = 4) uniform usamplerBuffer tasks;  /* links.c says what these four are */
-layout(set = 0, binding = 5) uniform usamplerBuffer rows; /* then other sides of receivers: which, what comes through, 8 bits each */
+layout(set = 0, binding = 5) uniform usamplerBuffer rows; /* then other sides of receivers: which, what comes through */
 layout(set = 0, binding = 6) uniform usamplerBuffer link_nodes;
 layout(set = 0, binding = 7) uniform samplerBuffer link_weights;
 layout(set = 0, binding = 8) uniform samplerBuffer values; /* of the nodes: from direct light, then from all light */

@@ -20,7 +20,8 @@ void main()
     if (id >= push.range.y)
         return;
     vec4 albedo = texelFetch(samples, int(2 * id)), emission = texelFetch(samples, int(2 * id + 1));
-    vec3 sum = vec3(0), behind = vec3(0), through = vec3(0), glow = (push.more.x & CHIARO_GPU_WITHOUT_EMITTERS) != 0 ? vec3(0) : emission.rgb;
+    vec3 sum = vec3(0), behind = vec3(0), through = vec3(0);
+    vec3 glow = (push.more.x & CHIARO_GPU_WITHOUT_EMITTERS) != 0 ? vec3(0) : emission.rgb;
 #ifdef CHIARO_LIT
     int first = 2 * int(albedo.w), end = first + 2 * int(emission.w);
     if (push.more.y != 0)

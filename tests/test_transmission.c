@@ -83,7 +83,7 @@ static void light_comes_through_from_a_side_of_the_same_material_only(void **sta
     assert_int_equal(chiaro_scene_check(&mesh.scene, &log), CHIARO_OK);
     mesh.parts[1].material = 1; /* reflects 0.8, of the 0.8 that come through there: 1.1 in all */
     assert_int_equal(chiaro_scene_check(&mesh.scene, &log), CHIARO_ERROR_SCENE);
-    assert_string_equal(message, "the scene cannot be used: part 0: lets light through, but has no other side of the same material");
+    assert_non_null(strstr(message, "part 0: lets light through, but has no other side of the same material"));
     mesh.parts[1].material = 0;
     mesh.parts[0].twin = mesh.parts[1].twin = CHIARO_NONE;
     assert_int_equal(chiaro_scene_check(&mesh.scene, &log), CHIARO_ERROR_SCENE);

@@ -432,9 +432,11 @@ static bool draft_receivers(Receivers *receivers)
     }
     for (uint32_t v = 0; ok && v < mesh->vertex_count; v++) {
         Vec3 turned = vec3_scale(vec3_load(mesh->vertices[v].normal), -1);
-        uint32_t *back = through[v] ? map_at(&known, draft_key(mesh->vertex_place[v], turned, through[v]), CHIARO_NONE) : NULL;
-        ok = back || !through[v];
-        if (back)
+        if (!through[v])
+            continue;
+        uint32_t *back = map_at(&known, draft_key(mesh->vertex_place[v], turned, through[v]), CHIARO_NONE);
+        ok = back != NULL;
+        if (ok)
             receivers->drafts[receivers->of_vertex[v]].back = *back;
     }
     map_free(&known);

@@ -109,7 +109,8 @@ static void light_samples(uint32_t begin, uint32_t end, uint32_t thread, void *u
                 if (!(given > 0) || !(distance > 0))
                     continue;
                 Vec3 lit = behind ? vec3_scale(normal, -1) : normal; /* the side */
-                float form = sun ? vec3_dot(lit, way) : chiaro_point_form(lit, cull, vec3_scale(way, 1 / distance), distance);
+                float form = sun ? vec3_dot(lit, way)
+                                 : chiaro_point_form(lit, cull, vec3_scale(way, 1 / distance), distance);
                 if (form > 0 && chiaro_rays_light_visible(baker->rays, lamp, surface, lit))
                     row[l] += weight * form * given;
             }

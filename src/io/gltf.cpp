@@ -486,7 +486,8 @@ private:
         if (extension != info.extensions.end()) {
             const tinygltf::Value &t = extension->second;
             double angle = member(t, texture_transform, "rotation", -1, 0), sine = std::sin(angle), cosine = std::cos(angle);
-            double scale_u = member(t, texture_transform, "scale", 0, 1), scale_v = member(t, texture_transform, "scale", 1, 1);
+            double scale_u = member(t, texture_transform, "scale", 0, 1);
+            double scale_v = member(t, texture_transform, "scale", 1, 1);
             /* Counter-clockwise as one sees the image, where v points down. The shader in the extension's text turns
              * the other way; its worked example and its test model turn this way. */
             *mapping = {0, cosine * scale_u, sine * scale_v, member(t, texture_transform, "offset", 0, 0),

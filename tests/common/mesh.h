@@ -25,7 +25,8 @@ uint32_t mesh_material(Mesh *mesh, float albedo, float emission);
 void mesh_triangle(Mesh *mesh, Vec3 a, Vec3 b, Vec3 c);
 void mesh_quad(Mesh *mesh, Vec3 a, Vec3 b, Vec3 c, Vec3 d);
 
-/* A part of a quad and a part of its other side, of one grey material that lets so much through of what it scatters, 255: all. */
+/* A part of a quad and a part of its other side, of one grey material that lets so much of what it scatters through, 255:
+ * all. */
 void mesh_sheet(Mesh *mesh, float albedo, uint8_t transmission, Vec3 a, Vec3 b, Vec3 c, Vec3 d);
 
 /* A box seen from inside. */
