@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BINS = 32, PROBES = 4096 /* of a long run: they tell where to cut it */, BATCHES = 8 /* for half of the groups, about */ };
+enum { BINS = 32, PROBES = 4096 /* of a long run: they tell where to cut it */, BATCHES = 8 /* for half of the groups */ };
 /* More groups than were asked for. */
 static const double MOST_EXCESS = 1.1;
 
@@ -98,7 +98,8 @@ static uint32_t probe_run(const Builder *builder, uint32_t first, uint32_t count
 }
 
 /* Finds the best cut of a run: axis and bin after which to cut. False if nothing tells the items apart. */
-static bool find_cut(const Probe *probes, uint32_t count, int *best_axis, uint32_t *best_bin, float *best_low, float *best_high)
+static bool find_cut(const Probe *probes, uint32_t count, int *best_axis, uint32_t *best_bin, float *best_low,
+                     float *best_high)
 {
     const Probe *end = probes + count;
     double best = INFINITY;
@@ -355,7 +356,8 @@ bool chiaro_cluster(const ClusterDesc *desc, ClusterTree *tree)
     builder.heap = malloc((size_t)builder.capacity * sizeof *builder.heap);
     builder.cuts = malloc((size_t)builder.capacity * sizeof *builder.cuts);
     tree->order = malloc(count * sizeof *tree->order);
-    builder.failed = !builder.scratch || !builder.probes || !builder.groups || !builder.heap || !builder.cuts || !tree->order;
+    builder.failed = !builder.scratch || !builder.probes || !builder.groups || !builder.heap || !builder.cuts ||
+                     !tree->order;
     if (!builder.failed) {
         for (uint32_t i = 0; i < count; i++)
             tree->order[i] = i;
