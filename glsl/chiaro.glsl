@@ -11,6 +11,9 @@
  *   static pixel    chiaro_indirect(what came from the vertices, point, normal): what objects do to it; or, cheaper,
  *                   chiaro_blocked_far() by vertex and chiaro_blocked_near() by pixel
  *   object vertex   chiaro_indirect(id, cavity, bent, parts, weights), all from ChiaroObjectVertex
+ *
+ * Where a material lets light through, chiaro_indirect() of a static vertex has what comes from behind in it already; of
+ * what lights send straight, the host takes its transmission from behind, the rest of 1 from in front.
  */
 #ifndef CHIARO_GLSL
 #define CHIARO_GLSL
@@ -28,6 +31,39 @@ vec3 chiaro_tone(vec3 radiance, float exposure)
     x = mix(vec3(1e4), x, lessThan(x, vec3(1e4)));
     vec3 curve = x * (CHIARO_TONE_A * x + CHIARO_TONE_B) / (x * (CHIARO_TONE_C * x + CHIARO_TONE_D) + CHIARO_TONE_E);
     return clamp(curve, vec3(0), vec3(1));
+}
+
+/* One corner's part of the noise: its gradient, by a hash of the cell (Teschner et al., "Optimized Spatial Hashing for
+ * Collision Detection of Deformable Objects", 2003), times the way from it. */
+float chiaro_noise_corner(ivec3 cell, vec3 way)
+{
+    uvec3 c = uvec3(cell) * uvec3(73856093u, 19349663u, 83492791u);
+    uint hash = c.x ^ c.y ^ c.z;
+    hash = (hash ^ hash >> 15) * 0x2c1b3c6du;
+    hash = (hash ^ hash >> 12) * 0x297a2d39u;
+    hash ^= hash >> 15;
+    return dot(vec3(hash & 1023u, hash >> 10 & 1023u, hash >> 20 & 1023u) / 511.5 - 1, way);
+}
+
+/* Gradient noise of mean 0 and mean square 1 (K. Perlin, "Improving Noise", 2002). */
+float chiaro_noise(vec3 place)
+{
+    vec3 low = floor(place), way = place - low, fade = way * way * way * (way * (way * 6 - 15) + 10);
+    float sum = 0;
+    for (int k = 0; k < 8; k++) {
+        ivec3 corner = ivec3(k & 1, k >> 1 & 1, k >> 2);
+        vec3 share = mix(1 - fade, fade, vec3(corner));
+        sum += share.x * share.y * share.z * chiaro_noise_corner(ivec3(low) + corner, way - vec3(corner));
+    }
+    return CHIARO_NOISE_SCALE * sum;
+}
+
+/* What a painter would make of ambient light that is too even to be true (article: "Rembrandt could do it"): times this. The
+ * noise changes over `size` metres, and with the way that a surface faces: of things that are smaller all sides are alike
+ * otherwise. */
+float chiaro_uneven(vec3 point, vec3 normal, float strength, float size)
+{
+    return max(0, 1 + strength * chiaro_noise(point / size + 0.5 * normal));
 }
 
 /* Share of a light's intensity that goes to a place at distance d in the direction -toward: range window and cone. */

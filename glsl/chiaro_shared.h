@@ -46,6 +46,10 @@
 #define CHIARO_GPU_WITHOUT_BENT_NORMALS 16u
 #define CHIARO_GPU_WITHOUT_EMITTERS 4096u
 #define CHIARO_GPU_WITHOUT_PULL_BACK 8192u
+#define CHIARO_GPU_WITHOUT_TRANSMISSION 16384u
+
+/* Brings chiaro_noise() to mean square 1. */
+#define CHIARO_NOISE_SCALE 5.23
 
 /* Structures of buffers and push constants: only 16-byte members, so that both languages lay them out alike. */
 #ifdef __STDC_VERSION__
@@ -142,7 +146,7 @@ CHIARO_STRUCT(ChiaroForwardPush)
     CHIARO_VEC4(eye);      /* w: exposure as a factor */
     CHIARO_VEC4(albedo);   /* w: alpha */
     CHIARO_VEC4(emission); /* w: alpha cutoff */
-    CHIARO_UVEC4(flags);   /* 1: albedo texture, emission texture; CHIARO_GPU_WITHOUT_; unused */
+    CHIARO_UVEC4(flags);   /* 1: albedo texture, emission texture; CHIARO_GPU_WITHOUT_; transmission, 8 bits each */
 };
 
 /* Push constants of a shadow face: rows of the transform from v = point - position to clip space. */
@@ -169,8 +173,9 @@ CHIARO_STRUCT(ChiaroComputePush)
 {
     CHIARO_UVEC4(range); /* first thing to do and the end of all, first value of the half that is read, and of that written;
                             blending: steps that are left, this one included */
-    CHIARO_UVEC4(more);  /* lighting: ideas that are out. Bouncing: number of samples. Receiving: first row, 1: irradiance
-                            is one that comes; unused */
+    CHIARO_UVEC4(more);  /* lighting: ideas that are out, first transmission among the samples' texels, 0: there are none.
+                            Bouncing: number of samples. Receiving: first row, 1: irradiance is one that comes, first of
+                            the other sides among the rows, 0: there are none; unused */
 };
 
 /* What the passes need of a sample. */

@@ -14,6 +14,9 @@ layout(constant_id = 1) const bool tone_map = false;
 layout(constant_id = 2) const bool masked = false;
 layout(constant_id = 3) const bool sky_sun = false;
 layout(constant_id = 4) const bool pieces = true; /* objects are more than plain balls */
+layout(constant_id = 7) const bool translucent = false;
+layout(constant_id = 8) const float uneven = 0;
+layout(constant_id = 9) const float uneven_size = 1;
 
 layout(push_constant) uniform Push
 {
@@ -35,6 +38,19 @@ layout(location = 6) in vec3 v_hidden;
 #endif
 layout(location = 0) out vec4 color;
 
+#ifdef CHIARO_LIT
+/* What comes straight from lights, as far as this picture shows it. */
+vec3 straight_light(vec3 point, vec3 normal, vec3 geometric)
+{
+    vec3 sum = vec3(0);
+    if (component != CHIARO_GPU_INDIRECT)
+        sum = chiaro_punctual_irradiance(point, normal, geometric);
+    if (sky_sun)
+        sum += chiaro_sky_sun_irradiance(point, normal, geometric);
+    return sum;
+}
+#endif
+
 void main()
 {
     vec4 albedo = push.albedo * v_color;
@@ -50,21 +66,25 @@ void main()
         discard;
     albedo.rgb = min(albedo.rgb, vec3(0.99));
 
-    vec3 received = vec3(0);
+    vec3 received = vec3(0), point = push.eye.xyz + v_offset, normal = normalize(v_normal);
 #ifdef CHIARO_LIT
     vec3 geometric = normalize(cross(dFdx(v_offset), dFdy(v_offset)));
     geometric = dot(geometric, v_offset) > 0 ? -geometric : geometric;
-    vec3 point = push.eye.xyz + v_offset, normal = normalize(v_normal);
-    if (component != CHIARO_GPU_INDIRECT)
-        received = chiaro_punctual_irradiance(point, normal, geometric);
-    if (sky_sun)
-        received += chiaro_sky_sun_irradiance(point, normal, geometric);
+    received = straight_light(point, normal, geometric);
+    if (translucent) {
+        vec3 through = unpackUnorm4x8(push.flags.w).rgb;
+        received *= 1 - through;
+        if ((push.flags.z & CHIARO_GPU_WITHOUT_TRANSMISSION) == 0)
+            received += through * straight_light(point, -normal, -geometric);
+    }
 #endif
     if (component != CHIARO_GPU_PUNCTUAL) {
         vec3 ambient = max(v_irradiance, vec3(0));
 #ifdef CHIARO_BLOCKED
-        ambient = chiaro_blocked_near(pieces, push.eye.xyz + v_offset, normalize(v_normal), ambient, v_shine, v_hidden);
+        ambient = chiaro_blocked_near(pieces, point, normal, ambient, v_shine, v_hidden);
 #endif
+        if (uneven > 0)
+            ambient *= chiaro_uneven(point, normal, uneven, uneven_size);
         received += ambient;
     }
     vec3 radiance = albedo.rgb * received / chiaro_pi;

@@ -6,6 +6,7 @@
 #if defined(CHIARO_BLOCKED) || (defined(CHIARO_OBJECT) && defined(CHIARO_GI))
 layout(constant_id = 5) const uint cube_edge = 4;
 layout(constant_id = 6) const uint cube_format = 0;
+layout(constant_id = 7) const bool translucent = false;
 #define CHIARO_CUBE_EDGE cube_edge
 #define CHIARO_CUBE_FORMAT cube_format
 #endif
@@ -57,6 +58,10 @@ void main()
     vec3 shade = (push.flags.z & CHIARO_GPU_WITHOUT_CAVITY) != 0 ? vec3(1) : cavity;
     vec3 way = (push.flags.z & CHIARO_GPU_WITHOUT_BENT_NORMALS) != 0 ? normal : bent;
     v_irradiance = chiaro_indirect(gl_InstanceIndex, shade, way, parts, weights);
+    if (translucent) { /* what is behind is as open: it has a side, and a vertex, of its own */
+        vec3 behind = chiaro_indirect(gl_InstanceIndex, shade, -way, parts, weights);
+        v_irradiance = mix(v_irradiance, behind, unpackUnorm4x8(push.flags.w).rgb);
+    }
 #elif defined(CHIARO_GI)
     v_irradiance = irradiance;
 #ifdef CHIARO_BLOCKED

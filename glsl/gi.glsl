@@ -9,12 +9,12 @@ layout(push_constant) uniform Push
 {
     ChiaroComputePush push;
 };
-layout(set = 0, binding = 0) uniform samplerBuffer samples; /* two texels each: ChiaroGpuSample */
+layout(set = 0, binding = 0) uniform samplerBuffer samples; /* two texels each: ChiaroGpuSample; then transmissions */
 layout(set = 0, binding = 1) uniform samplerBuffer points;  /* two texels each: ChiaroPoint */
 layout(set = 0, binding = 2) uniform samplerBuffer areas;   /* of the nodes */
 layout(set = 0, binding = 3) uniform usamplerBuffer sources; /* of the nodes: first, count */
 layout(set = 0, binding = 4) uniform usamplerBuffer tasks;  /* links.c says what these four are */
-layout(set = 0, binding = 5) uniform usamplerBuffer rows;
+layout(set = 0, binding = 5) uniform usamplerBuffer rows; /* then other sides of receivers: which, what comes through */
 layout(set = 0, binding = 6) uniform usamplerBuffer link_nodes;
 layout(set = 0, binding = 7) uniform samplerBuffer link_weights;
 layout(set = 0, binding = 8) uniform samplerBuffer values; /* of the nodes: from direct light, then from all light */

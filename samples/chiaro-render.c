@@ -29,6 +29,8 @@ static const char help[] =
     "  --time-step S        animations play: seconds from frame to frame, from --time on (0)\n"
     "  --sway R             moves every object on a circle of radius R, frame by frame; the last frame has them in place\n"
     "  --exposure EV        of the PNG, stops (0)\n"
+    "  --uneven PART        noise on bounce light, its root mean square, 0 to 1 (0: what is true)\n"
+    "  --uneven-size M      over which it changes, m (2)\n"
     LOADED_HELP
     "With --json: scene, device, driver, size, frames, frame_ms {median, p99}, update_ms {median, p99}, bake_s, links,\n"
     "samples, receivers, gi_bytes, left_out, and with objects: objects, object_bake_s, cubes, cubes_per_frame, cube_bytes,\n"
@@ -70,6 +72,10 @@ static bool take_own(Job *job, int argc, char **argv, int *i)
         job->settings.component = loaded_choice(options, argc, argv, i, components, 3);
     else if (strcmp(word, "--gi") == 0)
         job->settings.gi_off = loaded_choice(options, argc, argv, i, switches, 2);
+    else if (strcmp(word, "--uneven") == 0)
+        job->settings.uneven = options_float(options, argc, argv, i, 0, 1);
+    else if (strcmp(word, "--uneven-size") == 0)
+        job->settings.uneven_size = options_float(options, argc, argv, i, 1e-3f, 1e6f);
     else if (strcmp(word, "--budget-ms") == 0)
         job->budget_ms = options_float(options, argc, argv, i, 0.001f, 1e6f);
     else if (strcmp(word, "--report") == 0)

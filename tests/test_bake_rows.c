@@ -162,7 +162,7 @@ static void check_patches(const char *what, double number, Mesh *mesh, double tr
     for (uint32_t s = 0; s < b->sample_count; s++) {
         if (vec3_dot(vec3_load(b->samples[s].normal), vec3_load(from)) < 0.99f)
             continue;
-        rows.entries = chiaro_row_trace_sample(b, s, RAYS, &rows.scratch, &rows.facts);
+        rows.entries = chiaro_row_trace_sample(b, s, false, RAYS, &rows.scratch, &rows.facts);
         share += surface_share(&rows) * (double)b->samples[s].area;
         area += (double)b->samples[s].area;
         patches++;
@@ -229,7 +229,7 @@ static void the_row_of_a_patch_tightens_with_its_rays(void **state)
             rows.baker.desc.seed = seed;
             assert_int_equal(rows.baker.sample_count, 2);
             for (uint32_t s = 0; s < 2; s++) {
-                rows.entries = chiaro_row_trace_sample(&rows.baker, s, rays, &rows.scratch, &rows.facts);
+                rows.entries = chiaro_row_trace_sample(&rows.baker, s, false, rays, &rows.scratch, &rows.facts);
                 double e = surface_share(&rows) - truth;
                 wrong += e * e / ROWS;
             }
@@ -253,7 +253,7 @@ static void in_a_sphere_every_patch_has_the_share_of_its_area(void **state)
     assert_int_equal(b->sky_count, 0);
     double *share = new_array(b->sample_count, sizeof *share), area = 0;
     for (uint32_t s = 0; s < b->sample_count; s++) {
-        rows.entries = chiaro_row_trace_sample(b, s, RAYS, &rows.scratch, &rows.facts);
+        rows.entries = chiaro_row_trace_sample(b, s, false, RAYS, &rows.scratch, &rows.facts);
         assert_near("closed", s, surface_share(&rows), 1, 1e-6);
         for (uint32_t e = 0; e < rows.entries; e++) {
             const ChiaroNode *node = &b->nodes[rows.scratch.entries[e].node];

@@ -285,6 +285,64 @@ static void two_sided_surfaces_are_twins(void **state)
     chiaro_io_free_scene(&s);
 }
 
+static void assert_through(const ChiaroMaterial *material, uint8_t r, uint8_t g, uint8_t b)
+{
+    const uint8_t *t = material->transmission;
+    if (t[0] != r || t[1] != g || t[2] != b || t[3] != 0)
+        fail_msg("transmission %u %u %u %u instead of %u %u %u 0", t[0], t[1], t[2], t[3], r, g, b);
+}
+
+/* What a surface scatters in all is its albedo; it has two sides whatever the file says; more than came does not leave. */
+static void what_lets_light_through_has_two_sides_and_shares_out_its_albedo(void **state)
+{
+    (void)state;
+    ChiaroIoError error;
+    ChiaroIoScene again;
+    Binary binary = triangle_binary();
+    ChiaroIoScene s = must_read(
+        "transmission",
+        START VIEWS ACCESSORS "'extensionsRequired':['KHR_materials_transmission','KHR_materials_diffuse_transmission'],"
+        "'materials':[{'pbrMetallicRoughness':{'baseColorFactor':[0.8,0.4,0,1]},"
+        "'extensions':{'KHR_materials_transmission':{'transmissionFactor':0.6}}},"
+        "{'pbrMetallicRoughness':{'baseColorFactor':[0.4,0.4,0.4,1]},'extensions':{'KHR_materials_diffuse_transmission':"
+        "{'diffuseTransmissionFactor':0.5,'diffuseTransmissionColorFactor':[0.6,0.8,0]}}},"
+        "{'extensions':{'KHR_materials_diffuse_transmission':{'diffuseTransmissionFactor':0.5}}},"
+        "{'doubleSided':true,'extensions':{'KHR_materials_diffuse_transmission':{}}}],"
+        "'meshes':[{'primitives':[{'attributes':{'POSITION':0},'material':0},{'attributes':{'POSITION':0},"
+        "'material':1},{'attributes':{'POSITION':0},'material':2},{'attributes':{'POSITION':0},'material':3}]}],"
+        NODES BUFFER,
+        &binary);
+    const ChiaroMaterial *m = s.scene.materials;
+    assert_int_equal(s.scene.part_count, 8);
+    assert_int_equal(s.clamped_materials, 2);
+    assert_vector(m[0].albedo, 0.8f, 0.4f, 0);
+    assert_through(&m[0], 153, 153, 0);
+    assert_vector(m[1].albedo, 0.5f, 0.6f, 0.2f);
+    assert_through(&m[1], 153, 170, 0);
+    assert_vector(m[2].albedo, CHIARO_MAX_ALBEDO, CHIARO_MAX_ALBEDO, CHIARO_MAX_ALBEDO);
+    assert_through(&m[2], 128, 128, 128);
+    assert_through(&m[3], 0, 0, 0);
+    assert_int_equal(chiaro_scene_check(&s.scene, NULL), CHIARO_OK);
+    assert_true(chiaro_io_write_glb(OUT "transmission-again.glb", &s.scene, NULL, 0, &error));
+    assert_true(chiaro_io_read_gltf(OUT "transmission-again.glb", &again, &error));
+    assert_int_equal(again.scene.part_count, 8);
+    for (uint32_t i = 0; i < 3; i++) {
+        assert_vector(again.scene.materials[i].albedo, m[i].albedo[0], m[i].albedo[1], m[i].albedo[2]);
+        assert_through(&again.scene.materials[i], m[i].transmission[0], m[i].transmission[1], m[i].transmission[2]);
+    }
+    chiaro_io_free_scene(&again);
+    chiaro_io_free_scene(&s);
+    must_refuse("transmission-beyond",
+                START VIEWS ACCESSORS "'materials':[{'extensions':{'KHR_materials_transmission':{'transmissionFactor':1.5}}}],"
+                "'meshes':[{'primitives':[{'attributes':{'POSITION':0},'material':0}]}]," NODES BUFFER,
+                &binary, "material 0 has a transmissionFactor out of range");
+    must_refuse("transmission-damaged",
+                START VIEWS ACCESSORS "'materials':[{'extensions':{'KHR_materials_diffuse_transmission':"
+                "{'diffuseTransmissionFactor':1,'diffuseTransmissionColorFactor':[1,1]}}}],"
+                "'meshes':[{'primitives':[{'attributes':{'POSITION':0},'material':0}]}]," NODES BUFFER,
+                &binary, "KHR_materials_diffuse_transmission has a damaged diffuseTransmissionColorFactor");
+}
+
 /* A picture of 2 x 1 pixels as a file in memory, behind the triangle and its texture coordinates. */
 static Binary textured_binary(uint32_t *png_offset, uint32_t *png_size)
 {
@@ -585,6 +643,7 @@ int main(void)
         cmocka_unit_test(sparse_accessors_overwrite_what_is_below),
         cmocka_unit_test(materials_mean_diffuse_light),
         cmocka_unit_test(two_sided_surfaces_are_twins),
+        cmocka_unit_test(what_lets_light_through_has_two_sides_and_shares_out_its_albedo),
         cmocka_unit_test(textures_come_with_their_transforms),
         cmocka_unit_test(lights_follow_their_nodes),
         cmocka_unit_test(cameras_follow_their_nodes_and_keep_their_names),

@@ -115,6 +115,52 @@ static void no_item_is_older_than_the_stated_bound(void **state)
     }
 }
 
+/* A frame that was disturbed does a unit where the others do ten: it does not speak for all. What the formula says of any run
+ * of frames is added up here once more, from the beginning. */
+static void a_frame_that_was_disturbed_does_not_loosen_the_bound(void **state)
+{
+    (void)state;
+    enum { ITEMS = 2000, FRAMES = 1500, LATENCY = 8 };
+    const uint32_t spans[3] = {1, 16, 256}, every[3] = {40, 7, 3};
+    for (uint32_t t = 0; t < 3; t++) {
+        ChiaroKernel *kernel = make(ITEMS, LATENCY, NULL);
+        uint32_t units[FRAMES], last[ITEMS] = {0}, bound = UINT32_MAX, oldest = 0;
+        for (uint32_t i = 0; i < ITEMS; i++)
+            chiaro_kernel_due(kernel, i, 0, 0, 1, 0);
+        for (uint32_t frame = 0; frame < FRAMES; frame++) {
+            uint32_t done[10], count = 0, item;
+            units[frame] = frame % every[t] == 5 % every[t] ? 1 : 10;
+            chiaro_kernel_begin(kernel, (ChiaroBudget){.units = units[frame]}, 0);
+            while ((item = chiaro_kernel_next(kernel, NULL)) != CHIARO_NONE)
+                done[count++] = item;
+            for (uint32_t i = 0; i < count; i++) {
+                oldest = frame + 1 - last[done[i]] > oldest ? frame + 1 - last[done[i]] : oldest;
+                last[done[i]] = frame + 1;
+                chiaro_kernel_due(kernel, done[i], 0, done[i] % 5 == 0, 1, 0);
+            }
+        }
+        for (uint32_t s = 0; s < 3; s++) {
+            uint32_t least = UINT32_MAX;
+            for (uint32_t first = 0; first + spans[s] <= FRAMES; first++) {
+                uint32_t sum = 0;
+                for (uint32_t k = 0; k < spans[s]; k++)
+                    sum += units[first + k];
+                least = sum < least ? sum : least;
+            }
+            uint32_t says = spans[s] * ((ITEMS + least - 1) / least) + LATENCY;
+            bound = says < bound ? says : bound;
+        }
+        ChiaroKernelStats stats = stats_of(kernel);
+        printf("  every %uth frame disturbed: oldest %u, stated %u, by single frames %u\n", every[t], oldest, stats.bound,
+               (uint32_t)ITEMS + LATENCY);
+        assert_int_equal(stats.bound, bound);
+        assert_int_equal(stats.least_done, 1);
+        assert_true(stats.age == oldest && oldest <= stats.bound);
+        assert_true(stats.bound < 2 * oldest);
+        free(kernel);
+    }
+}
+
 static void a_large_item_is_handed_out_in_slices_and_keeps_its_age(void **state)
 {
     (void)state;
@@ -241,6 +287,7 @@ int main(void)
         cmocka_unit_test(what_is_not_due_is_never_handed_out),
         cmocka_unit_test(the_most_urgent_go_first_and_equals_by_number),
         cmocka_unit_test(no_item_is_older_than_the_stated_bound),
+        cmocka_unit_test(a_frame_that_was_disturbed_does_not_loosen_the_bound),
         cmocka_unit_test(a_large_item_is_handed_out_in_slices_and_keeps_its_age),
         cmocka_unit_test(units_hand_out_the_same_items_every_time),
         cmocka_unit_test(a_frame_takes_no_longer_than_its_budget),

@@ -148,7 +148,9 @@ typedef struct ChiaroMaterial {
     float emission[3]; /**< Radiance, times texture. */
     float alpha_cutoff; /**< 0: opaque. Otherwise alpha below it is a hole. */
     uint32_t albedo_texture, emission_texture; /**< CHIARO_NONE: no texture. */
-    uint32_t reserved[2];
+    uint8_t transmission[4]; /**< Of the light that the albedo is the share of, what leaves on the other side, by channel:
+                              * 255 is all of it. So no more leaves than came. Its parts need twins. The last: 0. */
+    uint32_t reserved;
 } ChiaroMaterial;
 
 /** A run of triangles of one material. */
@@ -272,7 +274,8 @@ typedef struct ChiaroSample {
     uint32_t first_point; /**< Its points: where direct light is evaluated. */
     float emission[3];    /**< Radiosity: pi times radiance. */
     uint32_t point_count;
-    float transmission[3]; /**< Share of light from behind that leaves in front (article: caustics, subsurface). */
+    float transmission[3]; /**< Share of light from behind that leaves in front (article: caustics, subsurface): a part of
+                            * the albedo. What is left of that is the share of light from in front. */
     uint32_t reserved;
 } ChiaroSample;
 
@@ -325,9 +328,9 @@ typedef struct ChiaroReceiver {
     float normal[3];
     float cavity_distance; /**< Mean free distance in front of it, m. */
     float cavity[3];       /**< Cavity colour: visibility plus what blockers give back, faded with distance. */
-    float reserved0;
+    uint32_t back;         /**< Where light comes through: the receiver on the other side, whose `back` is this one. */
     float bent[3]; /**< Bent normal: cosine-weighted mean of the open directions, unit. */
-    float reserved1;
+    uint8_t transmission[4]; /**< Its material's: what of its irradiance is that of the other side. */
 } ChiaroReceiver;
 
 /** What a bake was made with, and what it cost. */
@@ -381,7 +384,8 @@ CHIARO_API ChiaroResult chiaro_transport_open(const void *data, size_t size, Chi
  * A `light` is the one passed in; `point` lies on the surface, `normal` is its unit normal. */
 typedef bool (*ChiaroVisibleFunc)(const ChiaroLight *light, const float point[3], const float normal[3], void *user);
 
-/** Direct light on every sample: emission + albedo * irradiance (article: Pre-determined surface samples).
+/** Direct light on every sample: emission + albedo * irradiance (article: Pre-determined surface samples). Where a sample
+ * lets light through, a part of the albedo counts for what comes from behind: `visible` is asked with the normal turned.
  * The CPU twin of samples.comp.glsl.
  * @param lights, light_count punctual lights. @param visible shadow test, NULL: nothing is in the way.
  * @param radiosity receives 3 * sample_count floats. @thread_safety any thread. @errors none. @lifetime nothing is
@@ -404,6 +408,11 @@ CHIARO_API void chiaro_tree_sum(const ChiaroTransport *transport, float *values)
  * @param values 3 * node_count floats. @param irradiance receives 3 floats a row. @thread_safety any thread. @errors
  * none. @lifetime nothing is kept. */
 CHIARO_API void chiaro_links_gather(const ChiaroLinks *links, const float *values, float *irradiance);
+
+/** Where light comes through, receivers take their part of what the other side received.
+ * @param irradiance 3 floats a receiver, from chiaro_links_gather(). @thread_safety any thread. @errors none.
+ * @lifetime nothing is kept. */
+CHIARO_API void chiaro_receivers_mix(const ChiaroTransport *transport, float *irradiance);
 
 /** The whole update on the CPU: direct light, sky, tree, sample gather, tree, receiver gather.
  * Direct light of `lights` is not in it, only what they bounce. To have it agree with the renderer where the sky has a

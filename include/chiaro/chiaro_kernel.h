@@ -6,13 +6,14 @@
  * the other, until the budget is used up. What is not due costs nothing.
  *
  * Most urgent first, and nobody starves: an item's urgency lets it go ahead of items that became due up to `latency`
- * frames before it, never of older ones. So, with n units due at most and k of them done in each frame that leaves some
- * undone, no item is older than
+ * frames before it, never of older ones. So, with n units due at most and k of them done in any w frames on end that leave
+ * some undone, no item is older than
  *
- *     ceil(n / k) + latency     frames when it is handed out.
+ *     w ceil(n / k) + latency     frames when it is handed out.
  *
  * (After `latency` frames nothing that becomes due later passes it; before it are then at most n units, each once. Where
- * all items cost the same, n and k count items.)
+ * all items cost the same, n and k count items.) That is so for every w. One frame alone, w = 1, says little where time is
+ * measured: a single one that was disturbed would speak for all. So the least of what 1, 16 and 256 frames say is stated.
  *
  * A budget is microseconds of the host's clock or units of work. Units are deterministic: the same calls hand out the
  * same items. In microseconds the kernel starts an item only if the rest of the budget is enough for what items of its
@@ -56,8 +57,8 @@ typedef struct ChiaroKernelStats {
     uint32_t oldest;      /**< Age of the oldest item that waits, frames. */
     uint32_t age;         /**< Age of the oldest that was ever handed out. */
     uint32_t most_due;    /**< n: most units that ever waited at a time. */
-    uint32_t least_done;  /**< k: fewest units of a frame that left some undone; 0: there was none. */
-    uint32_t bound;       /**< ceil(n / k) + latency; without such a frame 0: everything was done at once. */
+    uint32_t least_done;  /**< k of w = 1: fewest units of a frame that left some undone; 0: there was none. */
+    uint32_t bound;       /**< As above; without such a frame 0: everything was done at once. */
 } ChiaroKernelStats;
 
 typedef struct ChiaroKernel ChiaroKernel;

@@ -119,7 +119,8 @@ typedef enum ChiaroVulkanWithout {
     CHIARO_WITHOUT_SKY_SUN = 2048,     /**< The sun of the sky is out. */
     CHIARO_WITHOUT_EMITTERS = 4096,    /**< Surfaces that glow are seen, but light nothing. */
     CHIARO_WITHOUT_PULL_BACK = 8192,   /**< Samples are lit as points on their surface: a lamp close by glares. */
-    CHIARO_WITHOUT_ALL = 16383
+    CHIARO_WITHOUT_TRANSMISSION = 16384, /**< Light of lamps does not come through surfaces. */
+    CHIARO_WITHOUT_ALL = 32767
 } ChiaroVulkanWithout;
 
 /** All zero: bounce light on, everything shown, linear radiance. */
@@ -134,6 +135,9 @@ typedef struct ChiaroVulkanSettings {
     /* Since version 3. */
     uint32_t without;     /**< Bits of ChiaroVulkanWithout. */
     uint32_t direct_too;  /**< 1: pipelines for ChiaroVulkanDraw::direct_only are kept ready. */
+    float uneven;         /**< 0 .. 1: noise on bounce light, root mean square as a part of it, for the eye that does not
+                           * believe in evenly lit surroundings. It is no light: 0, none, is nearest to the truth. */
+    float uneven_size;    /**< Over which it changes, m. Default 2. */
 } ChiaroVulkanSettings;
 
 typedef struct ChiaroVulkanLoad {

@@ -223,6 +223,7 @@ static float *update_on_core(Bench *bench, const ChiaroTransport *t, const Chiar
         chiaro_tree_sum(t, scratch);
         time[4] = report_now();
         chiaro_links_gather(&t->receiver_links, scratch, irradiance);
+        chiaro_receivers_mix(t, irradiance);
         time[5] = report_now();
         for (uint32_t k = 0; k < REPORT_TASKS; k++)
             ms[k] = fmin(ms[k], 1e3 * (time[k + 1] - time[k]));

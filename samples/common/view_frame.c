@@ -17,6 +17,9 @@ enum { TICK_BEGIN, TICK_UPDATED, TICK_DRAWN, TICK_SHOWN };
 enum { CALM_FRAMES = 12, AWAKE_FRAMES = CALM_FRAMES + 4 };
 enum { FEATURES = 32, DEFAULT_BUDGET = 2000, UNLIMITED = 1000000, LAST_SHOT = 9999 };
 
+/* Noise on bounce light, where it is put in: how strong, and how wide for the scene. */
+#define UNEVEN 0.1f
+#define UNEVEN_PART 0.15f
 #define MEAN_SHARE 0.1 /* of a new frame in the times that are shown */
 #define NOTE_SECONDS 5.0
 #define LAMP_REACH 14.0f /* pixels */
@@ -147,11 +150,15 @@ ViewMouse viewer_mouse(const Viewer *viewer, double x, double y)
 static void apply_settings(Viewer *viewer)
 {
     uint32_t changed = viewer->without ^ viewer->without_shown;
+    const ChiaroTransportInfo *info = &viewer->scene.baked.transport.info;
+    Vec3 extent = vec3_sub(vec3_load(info->bounds_max), vec3_load(info->bounds_min));
     const ChiaroVulkanSettings settings = {
         .struct_size = sizeof settings,
         .gi_off = (viewer->without & VIEW_WITHOUT_BOUNCE) != 0,
         .without = viewer->without & CHIARO_WITHOUT_ALL,
-        .direct_too = viewer->split};
+        .direct_too = viewer->split,
+        .uneven = viewer->without & VIEW_WITH_UNEVEN ? UNEVEN : 0,
+        .uneven_size = UNEVEN_PART * vec3_length(extent)};
     if (changed & VIEW_WITHOUT_SKY) {
         bool sky = viewer->scene.sky.radiance && !(viewer->without & VIEW_WITHOUT_SKY);
         must_chiaro(viewer, viewer->api->sky_set(viewer->chiaro, sky ? &viewer->scene.sky : NULL));

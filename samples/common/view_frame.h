@@ -12,7 +12,8 @@ enum {
     VIEW_WITHOUT_KERNEL = 1 << 17, /* the budget: what is due is done at once */
     VIEW_WITHOUT_SKY = 1 << 18,
     VIEW_WITHOUT_SUN = 1 << 19, /* the one with a time of day */
-    VIEW_WITHOUT_TONE = 1 << 20
+    VIEW_WITHOUT_TONE = 1 << 20,
+    VIEW_WITH_UNEVEN = 1 << 21 /* the noise on bounce light, which is not there otherwise */
 };
 
 /* Milliseconds; below 0: the device cannot tell. Means over some frames. */

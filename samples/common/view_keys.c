@@ -13,12 +13,17 @@
 #define MOST_EXPOSURE 16.0f
 #define MOST_BUDGET 100000u
 
-/* Ideas of the article that can be taken out and put back. */
+/* Ideas of the article that can be taken out and put back; or put in, where the bit says so. */
 typedef struct IdeaKey {
     int key;
     uint32_t bit;
     const char *name;
 } IdeaKey;
+
+static bool is_out(const IdeaKey *idea, uint32_t without)
+{
+    return ((without & idea->bit) != 0) != (idea->bit == VIEW_WITH_UNEVEN);
+}
 
 static const IdeaKey ideas[] = {
     {GLFW_KEY_B, VIEW_WITHOUT_BOUNCE, "bounce light, all of it"},
@@ -30,6 +35,7 @@ static const IdeaKey ideas[] = {
     {GLFW_KEY_1, CHIARO_WITHOUT_PULL_BACK, "samples moved back from lamps that come close (7)"},
     {GLFW_KEY_2, CHIARO_WITHOUT_EMITTERS, "light of surfaces that glow (7)"},
     {GLFW_KEY_M, CHIARO_WITHOUT_BOUNCES, "more than one bounce (7)"},
+    {GLFW_KEY_3, CHIARO_WITHOUT_TRANSMISSION, "light through leaves and curtains (8)"},
     {GLFW_KEY_J, CHIARO_WITHOUT_NEIGHBOURS, "neighbours of objects (9)"},
     {GLFW_KEY_O, CHIARO_WITHOUT_BLOCKERS, "objects light and block what stays (10)"},
     {GLFW_KEY_C, CHIARO_WITHOUT_CUBES, "environment cubes (11)"},
@@ -37,6 +43,7 @@ static const IdeaKey ideas[] = {
     {GLFW_KEY_X, CHIARO_WITHOUT_SMOOTHING, "smoothing of cubes (12)"},
     {GLFW_KEY_Y, VIEW_WITHOUT_SKY, "sky (13)"},
     {GLFW_KEY_G, CHIARO_WITHOUT_SKY_SUN, "sun of the sky (13)"},
+    {GLFW_KEY_4, VIEW_WITH_UNEVEN, "uneven ambient: a noise that is no light (14)"},
     {GLFW_KEY_T, VIEW_WITHOUT_TONE, "tone curve (15)"},
     {GLFW_KEY_H, CHIARO_WITHOUT_SHADOWS, "shadows of lights"},
     {GLFW_KEY_U, VIEW_WITHOUT_SUN, "sun with a time of day"},
@@ -141,7 +148,7 @@ static void toggle_idea(Viewer *viewer, const IdeaKey *idea)
         return;
     }
     viewer->without ^= idea->bit;
-    viewer_note(viewer, "%s: %s", idea->name, viewer->without & idea->bit ? "out" : "in");
+    viewer_note(viewer, "%s: %s", idea->name, is_out(idea, viewer->without) ? "out" : "in");
 }
 
 bool view_keys_take(Viewer *viewer, int key)
@@ -182,7 +189,7 @@ void view_keys_help(uint32_t without, char *text, size_t size)
         append(text, size, "%s: %s\n", actions[i].name, actions[i].what);
     append(text, size, "%s\nIdeas, with their number in the article, in [x] and out [ ]:\n", other_help);
     for (uint32_t i = 0; i < IDEAS; i++)
-        append(text, size, "%c [%c] %s\n", ideas[i].key, without & ideas[i].bit ? ' ' : 'x', ideas[i].name);
+        append(text, size, "%c [%c] %s\n", ideas[i].key, is_out(&ideas[i], without) ? ' ' : 'x', ideas[i].name);
 }
 
 void view_keys_out(uint32_t without, char *text, size_t size)
@@ -190,5 +197,5 @@ void view_keys_out(uint32_t without, char *text, size_t size)
     text[0] = 0;
     for (uint32_t i = 0; i < IDEAS; i++)
         if (without & ideas[i].bit)
-            append(text, size, "%s%s", text[0] ? "; " : "out: ", ideas[i].name);
+            append(text, size, "%s%s: %s", text[0] ? "; " : "", is_out(&ideas[i], without) ? "out" : "in", ideas[i].name);
 }

@@ -74,8 +74,9 @@ typedef struct Baker {
     ChiaroNode *nodes;
     uint32_t sample_count, point_count, sky_count, leaf_count, node_count, small_node_end, root;
 
-    /* rows of the samples: entries row_first[i] .. row_first[i + 1] */
-    size_t *row_first;
+    /* rows of the samples: entries row_first[i] .. row_first[i + 1]; from row_behind[i] on of their other side. NULL: light
+     * comes through none */
+    size_t *row_first, *row_behind;
     RowEntry *rows;
     uint32_t sample_rays;
 
@@ -178,9 +179,20 @@ void chiaro_row_scratch_destroy(RowScratch *scratch);
  * whose normal is `plane`. Returns the number of entries. */
 uint32_t chiaro_row_trace(const Baker *baker, const Vec3 *places, uint32_t count, Vec3 normal, Vec3 plane, uint32_t rays,
                           uint32_t stream, RowScratch *scratch, RowFacts *facts);
-/* The same for a sample: rays start all over its patch. */
-uint32_t chiaro_row_trace_sample(const Baker *baker, uint32_t sample, uint32_t rays, RowScratch *scratch,
+/* The same for a sample, or for its other side: rays start all over its patch. */
+uint32_t chiaro_row_trace_sample(const Baker *baker, uint32_t sample, bool behind, uint32_t rays, RowScratch *scratch,
                                  RowFacts *facts);
+/* Where the part of a sample's row begins that is seen from behind; its end where there is none. */
+static inline size_t chiaro_row_behind(const Baker *baker, uint32_t sample)
+{
+    return baker->row_behind ? baker->row_behind[sample] : baker->row_first[sample + 1];
+}
+/* What that part counts of a channel of the irradiance; the other part counts the rest of 1. */
+static inline float chiaro_behind_share(const Baker *baker, uint32_t sample, uint32_t channel)
+{
+    const ChiaroSample *s = &baker->samples[sample];
+    return s->transmission[channel] > 0 ? s->transmission[channel] / s->albedo[channel] : 0;
+}
 
 /* --- training.c --- */
 /* Fills rows [leaf_count, node_count) of a nodes x columns table with the weighted means of the leaves' rows. */

@@ -55,6 +55,7 @@ static void bounce(Work *work, bool receivers)
         return;
     chiaro_tree_sum(t, work->total);
     chiaro_links_gather(&t->receiver_links, work->total, work->receivers);
+    chiaro_receivers_mix(t, work->receivers);
 }
 
 static void deviation(const float *values, size_t count, double *mean, double *rms)

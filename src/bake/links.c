@@ -4,6 +4,7 @@
  * gather from what the samples carry. Receivers are fitted to the exact solution but fed with what the samples' links
  * give, so they also make up for what those lose.
  */
+#include "../core/samples.h"
 #include "../offline/parallel.h"
 #include "fit.h"
 #include "kernels.h"
@@ -91,8 +92,13 @@ static void link_samples(uint32_t begin, uint32_t end, uint32_t thread, void *us
         memset(worker->form, 0, (size_t)rows.count * leaves * sizeof *worker->form);
         for (uint32_t r = 0; r < rows.count; r++) {
             rows.target[r] = baker->irradiance + (size_t)(first + r) * baker->columns;
+            /* Where light comes through: both sides, all channels together. The irradiance tells them apart. */
+            const ChiaroSample *sample = &baker->samples[first + r];
+            size_t behind = chiaro_row_behind(baker, first + r);
+            float share = chiaro_transmitted_share(vec3_load(sample->albedo), vec3_load(sample->transmission));
             for (size_t e = baker->row_first[first + r]; e < baker->row_first[first + r + 1]; e++)
-                worker->form[(size_t)r * leaves + baker->rows[e].node] = baker->rows[e].weight;
+                worker->form[(size_t)r * leaves + baker->rows[e].node] +=
+                    baker->rows[e].weight * (e < behind ? 1 - share : share);
         }
         for (uint32_t l = 0; l < leaves; l++)
             worker->leaves[l] = l;

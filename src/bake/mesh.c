@@ -378,6 +378,7 @@ typedef struct Draft {
     Vec3 place, normal, plane, inward; /* inward: sum of the centres of its triangles */
     uint32_t triangles;
     bool inside;
+    uint32_t through, back; /* ChiaroReceiver's transmission, as a word, and other side; CHIARO_NONE: none */
     float moved; /* how far along which edge it came out of a solid */
     Vec3 outside;
     Vec3 spread[CHIARO_SPREAD]; /* where its rays start */
@@ -391,28 +392,61 @@ typedef struct Receivers {
     uint32_t *star_first, *star; /* corners at each draft: 3 * triangle + corner */
 } Receivers;
 
+/* What comes through the surface at each vertex: transmissions, as words. NULL: out of memory. */
+static uint32_t *vertex_transmission(const Mesh *mesh)
+{
+    const ChiaroScene *scene = mesh->baker->scene;
+    uint32_t *words = calloc(mesh->vertex_count, sizeof *words);
+    for (uint32_t t = 0; words && t < mesh->triangle_count; t++) {
+        const ChiaroMaterial *material = &scene->materials[scene->parts[mesh->triangles[t].part].material];
+        for (int k = 0; k < 3; k++)
+            memcpy(&words[mesh->triangles[t].vertex[k]], material->transmission, sizeof *words);
+    }
+    return words;
+}
+
+/* What is one receiver: a place and a normal, and what comes through. */
+static uint64_t draft_key(uint32_t place, Vec3 n, uint32_t through)
+{
+    uint64_t key = (uint64_t)place << 31 | (uint64_t)((int)lrintf(n.x * 511) + 511) << 20 |
+                   (uint64_t)((int)lrintf(n.y * 511) + 511) << 10 | (uint64_t)((int)lrintf(n.z * 511) + 511);
+    return through ? chiaro_random_mix(key ^ chiaro_random_mix(through)) >> 1 : key;
+}
+
 static bool draft_receivers(Receivers *receivers)
 {
     Mesh *mesh = receivers->mesh;
     Map known = {0};
     bool ok = true;
+    uint32_t *through = vertex_transmission(mesh);
     receivers->of_vertex = malloc(mesh->vertex_count * sizeof *receivers->of_vertex);
     receivers->drafts = calloc(mesh->vertex_count, sizeof *receivers->drafts);
-    ok = receivers->of_vertex && receivers->drafts;
+    ok = through && receivers->of_vertex && receivers->drafts;
     for (uint32_t v = 0; ok && v < mesh->vertex_count; v++) {
         Vec3 n = vec3_load(mesh->vertices[v].normal);
-        uint64_t key = (uint64_t)mesh->vertex_place[v] << 31 | (uint64_t)((int)lrintf(n.x * 511) + 511) << 20 |
-                       (uint64_t)((int)lrintf(n.y * 511) + 511) << 10 | (uint64_t)((int)lrintf(n.z * 511) + 511);
-        uint32_t *index = map_at(&known, key, receivers->count);
+        uint32_t *index = map_at(&known, draft_key(mesh->vertex_place[v], n, through[v]), receivers->count);
         ok = index != NULL;
-        if (ok && *index == receivers->count) {
-            Draft *draft = &receivers->drafts[receivers->count++];
-            draft->place = mesh->places[mesh->vertex_place[v]], draft->normal = n, draft->moved = INFINITY;
-        }
+        if (!ok)
+            break;
+        uint32_t own = receivers->of_vertex[v] = *index;
+        Draft *draft = &receivers->drafts[own];
+        if (own < receivers->count)
+            continue;
+        receivers->count++;
+        *draft = (Draft){.place = mesh->places[mesh->vertex_place[v]], .normal = n, .moved = INFINITY,
+                         .through = through[v], .back = CHIARO_NONE};
+    }
+    for (uint32_t v = 0; ok && v < mesh->vertex_count; v++) {
+        Vec3 turned = vec3_scale(vec3_load(mesh->vertices[v].normal), -1);
+        if (!through[v])
+            continue;
+        uint32_t *back = map_at(&known, draft_key(mesh->vertex_place[v], turned, through[v]), CHIARO_NONE);
+        ok = back != NULL;
         if (ok)
-            receivers->of_vertex[v] = *index;
+            receivers->drafts[receivers->of_vertex[v]].back = *back;
     }
     map_free(&known);
+    free(through);
     for (uint32_t t = 0; ok && t < mesh->triangle_count; t++) {
         const Triangle *triangle = &mesh->triangles[t];
         Vec3 cross = triangle_cross(mesh, triangle), center = {0, 0, 0};
@@ -599,7 +633,20 @@ static bool merge_detail(Receivers *receivers)
                                          (uint64_t)(int64_t)floorf(cell.z));
         key ^= (uint64_t)((lrintf(turn.x) + SAME_NORMAL) << 16 | (lrintf(turn.y) + SAME_NORMAL) << 8 |
                           (lrintf(turn.z) + SAME_NORMAL));
-        uint32_t *shared;
+        /* Sides go together: the first one of two decides. */
+        uint32_t *shared, first = draft.back < r ? renamed[draft.back] : CHIARO_NONE;
+        if (first != CHIARO_NONE) {
+            if (receivers->drafts[first].back == CHIARO_NONE) {
+                receivers->drafts[first].back = count;
+                draft.back = first;
+                receivers->drafts[count++] = draft;
+            }
+            renamed[r] = receivers->drafts[first].back;
+            continue;
+        }
+        if (draft.back != CHIARO_NONE)
+            key = chiaro_random_mix(key ^ chiaro_random_mix(draft.through));
+        draft.back = CHIARO_NONE;
         do {
             key = chiaro_random_mix(key) >> 1;
             shared = map_at(&known, key, count);
@@ -681,6 +728,13 @@ static bool finish(Receivers *receivers)
         vec3_store(baker->receivers[r].normal, draft->normal);
         baker->receiver_plane[r] = draft->plane;
         memcpy(baker->receiver_spread + (size_t)CHIARO_SPREAD * r, draft->spread, sizeof draft->spread);
+    }
+    for (uint32_t r = 0; r < n; r++) {
+        const Draft *draft = &receivers->drafts[order[r]];
+        if (draft->back == CHIARO_NONE)
+            continue;
+        baker->receivers[r].back = renamed[draft->back];
+        memcpy(baker->receivers[r].transmission, &draft->through, sizeof draft->through);
     }
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         receivers->of_vertex[v] = renamed[receivers->of_vertex[v]];

@@ -147,7 +147,7 @@ static void trace_places(uint32_t begin, uint32_t end, uint32_t thread, void *us
         Vec3 from;
         if (i < baker->sample_count) {
             from = element_place(baker, i);
-            count = chiaro_row_trace_sample(baker, i, baker->sample_rays, scratch, &facts);
+            count = chiaro_row_trace_sample(baker, i, false, baker->sample_rays, scratch, &facts);
         } else {
             Vec3 normal = vec3_load(baker->scene->vertices[v].normal), plane = job->plane[v];
             from = job->origin[v];
@@ -486,6 +486,9 @@ static ChiaroResult bake(ObjectBaker *job)
     measure(job);
     if ((result = chiaro_bake_patches(baker)) != CHIARO_OK)
         return result;
+    /* Light that comes through an object is seen on it, but not handed on: all that it gives off is of the lit side. */
+    for (uint32_t s = 0; s < baker->sample_count; s++)
+        memset(baker->samples[s].transmission, 0, sizeof baker->samples[s].transmission);
     uint32_t places = baker->sample_count + baker->scene->vertex_count;
     job->scratch = calloc(job->desc.threads, sizeof *job->scratch);
     job->places = calloc(places, sizeof *job->places);

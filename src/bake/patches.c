@@ -9,6 +9,7 @@
 #include "../core/log.h"
 #include "../offline/parallel.h"
 #include "../core/random.h"
+#include "../core/samples.h"
 #include "bake.h"
 #include "chiaro_shared.h"
 #include "lattice.h"
@@ -79,6 +80,13 @@ static void small_color(const Baker *baker, uint32_t small, Vec3 *albedo, Vec3 *
         *albedo = vec3_mad(*albedo, vec3_load(a), weight);
         *emission = vec3_mad(*emission, vec3_load(e), weight);
     }
+}
+
+static Vec3 small_transmission(const Baker *baker, uint32_t small)
+{
+    const Patches *p = &baker->patches;
+    return chiaro_material_transmission(
+        &baker->scene->materials[baker->scene->parts[p->triangle_part[p->small_triangle[small]]].material]);
 }
 
 static bool is_emitter(const ChiaroScene *scene, uint32_t part)
@@ -197,7 +205,8 @@ typedef struct Description {
 } Description;
 
 /* What makes two small triangles alike, in metres: direction counts as two patches, colour as one, and emitters stay
- * among themselves whatever it costs. They weigh as much as they fill of a patch of the local size. */
+ * among themselves whatever it costs, as does what lets light through. They weigh as much as they fill of a patch of the
+ * local size. */
 static void describe_small(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
     const Description *description = user;
@@ -215,7 +224,7 @@ static void describe_small(uint32_t begin, uint32_t end, uint32_t thread, void *
         float *f = item->feature, size = local_size(baker, description->sizing, s);
         size /= emits ? sqrtf(p->emitter_boost) : 1;
         vec3_store(f, small_place(baker, c, normal));
-        f[3] = emits ? far : 0;
+        f[3] = (emits ? far : 0) + (vec3_max(small_transmission(baker, s)) > 0 ? 2 * far : 0);
         vec3_store(f + 4, vec3_scale(normal, 2 * size));
         vec3_store(f + 7, vec3_scale(albedo, size));
         item->unit = size;
@@ -341,19 +350,22 @@ static bool make_sample(Baker *baker, const ClusterItem *items, uint32_t s)
     ClusterTree tree;
     if (!own)
         return false;
-    double area = 0, albedo[3] = {0, 0, 0}, emission[3] = {0, 0, 0};
+    double area = 0, albedo[3] = {0, 0, 0}, emission[3] = {0, 0, 0}, transmission[3] = {0, 0, 0};
     for (uint32_t k = 0; k < count; k++) {
-        Vec3 a, e;
+        Vec3 a, e, t;
         own[k] = items[small[k]];
         small_color(baker, small[k], &a, &e);
+        t = vec3_mul(a, small_transmission(baker, small[k]));
         double w = own[k].weight;
         area += w;
         albedo[0] += w * a.x, albedo[1] += w * a.y, albedo[2] += w * a.z;
         emission[0] += w * e.x, emission[1] += w * e.y, emission[2] += w * e.z;
+        transmission[0] += w * t.x, transmission[1] += w * t.y, transmission[2] += w * t.z;
     }
     for (int c = 0; c < 3; c++) {
         sample->albedo[c] = (float)(albedo[c] / area);
         sample->emission[c] = CHIARO_PI * (float)(emission[c] / area);
+        sample->transmission[c] = (float)(transmission[c] / area);
     }
     sample->area = (float)area;
     sample->first_point = s * POINTS_A_SAMPLE;

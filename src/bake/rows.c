@@ -7,6 +7,8 @@
  * A leaf far away is hit once or not at all, and stays so: sharing hits out among its neighbours, by any guess at how much
  * of each is seen, would take light from bright patches that stand beside hidden ones.
  * The same rays tell the cavity colour and the bent normal (article: "Cavity shading", "Bended normals").
+ *
+ * A sample that lets light through has two of them, one a side.
  */
 #include "../offline/parallel.h"
 #include "../core/random.h"
@@ -164,10 +166,11 @@ uint32_t chiaro_row_trace(const Baker *baker, const Vec3 *places, uint32_t count
     return finish(&gather, rays, facts);
 }
 
-uint32_t chiaro_row_trace_sample(const Baker *baker, uint32_t sample, uint32_t rays, RowScratch *row, RowFacts *facts)
+uint32_t chiaro_row_trace_sample(const Baker *baker, uint32_t sample, bool behind, uint32_t rays, RowScratch *row,
+                                 RowFacts *facts)
 {
     Gather gather = {.row = row};
-    ChiaroRandom random = chiaro_random_seed(baker->desc.seed, (uint64_t)1 << 34 | sample);
+    ChiaroRandom random = chiaro_random_seed(baker->desc.seed, (uint64_t)(behind ? 3 : 1) << 34 | sample);
     uint32_t s[5];
     for (int k = 0; k < 5; k++)
         s[k] = chiaro_random_bits(&random);
@@ -177,6 +180,7 @@ uint32_t chiaro_row_trace_sample(const Baker *baker, uint32_t sample, uint32_t r
         Vec3 place, normal;
         chiaro_patches_place(baker, sample, unit_float(sobol_first(j) ^ s[0]), unit_float(sobol_second(j) ^ s[1]),
                              chiaro_random_float(&random), &place, &normal);
+        normal = behind ? vec3_scale(normal, -1) : normal;
         Vec3 direction = vec3_cosine_direction(normal, unit_float(sobol_first(i) ^ s[2]),
                                                unit_float(sobol_second(i) ^ s[3]));
         shoot(baker, vec3_mad(place, normal, chiaro_rays_epsilon(baker->rays)), direction, &gather);
@@ -189,35 +193,48 @@ uint32_t chiaro_row_trace_sample(const Baker *baker, uint32_t sample, uint32_t r
 typedef struct RowsJob {
     Baker *baker;
     RowScratch *scratch;    /* one a thread */
-    RowEntry *entries;      /* rays a sample, before they are packed */
-    uint32_t *entry_counts;
-    uint32_t rays, begin; /* first sample of this batch */
+    RowEntry *entries;      /* rays a sample and side, before they are packed */
+    uint32_t *entry_counts; /* of both sides, one after the other */
+    uint32_t rays, sides, begin; /* first sample of this batch */
 } RowsJob;
 
 static void trace_samples(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
     RowsJob *job = user;
-    for (uint32_t k = begin; k < end; k++) {
+    for (uint32_t k = begin * job->sides; k < end * job->sides; k++) {
         RowFacts facts;
         RowScratch *row = &job->scratch[thread];
-        uint32_t count = chiaro_row_trace_sample(job->baker, job->begin + k, job->rays, row, &facts);
+        uint32_t sample = job->begin + k / job->sides;
+        bool behind = k % job->sides, through = vec3_max(vec3_load(job->baker->samples[sample].transmission)) > 0;
+        uint32_t count = 0;
+        if (!behind || through)
+            count = chiaro_row_trace_sample(job->baker, sample, behind, job->rays, row, &facts);
         job->entry_counts[k] = count;
         memcpy(job->entries + (size_t)k * job->rays, row->entries, count * sizeof *row->entries);
     }
+}
+
+static bool any_transmission(const Baker *baker)
+{
+    bool any = false;
+    for (uint32_t s = 0; s < baker->sample_count; s++)
+        any |= vec3_max(vec3_load(baker->samples[s].transmission)) > 0;
+    return any;
 }
 
 ChiaroResult chiaro_bake_rows(Baker *baker)
 {
     enum { BATCH = 1024 };
     uint32_t threads = baker->desc.threads, rays = baker->sample_rays, n = baker->sample_count;
-    RowsJob job = {.baker = baker, .rays = rays};
+    RowsJob job = {.baker = baker, .rays = rays, .sides = any_transmission(baker) ? 2 : 1};
     ChiaroResult result = CHIARO_ERROR_MEMORY;
     size_t capacity = 0;
     job.scratch = calloc(threads, sizeof *job.scratch);
-    job.entries = malloc((size_t)BATCH * rays * sizeof *job.entries);
-    job.entry_counts = malloc(BATCH * sizeof *job.entry_counts);
+    job.entries = malloc((size_t)BATCH * job.sides * rays * sizeof *job.entries);
+    job.entry_counts = malloc(BATCH * job.sides * sizeof *job.entry_counts);
     baker->row_first = calloc(n + (size_t)1, sizeof *baker->row_first);
-    if (!job.scratch || !job.entries || !job.entry_counts || !baker->row_first)
+    baker->row_behind = job.sides > 1 ? calloc(n + (size_t)1, sizeof *baker->row_behind) : NULL;
+    if (!job.scratch || !job.entries || !job.entry_counts || !baker->row_first || (job.sides > 1 && !baker->row_behind))
         goto done;
     for (uint32_t t = 0; t < threads; t++) {
         if (!chiaro_row_scratch_create(baker, rays, &job.scratch[t]))
@@ -230,8 +247,11 @@ ChiaroResult chiaro_bake_rows(Baker *baker)
             result = CHIARO_ERROR_INTERRUPTED;
             goto done;
         }
-        for (uint32_t k = 0; k < count; k++) {
-            size_t used = baker->row_first[job.begin + k], wanted = used + job.entry_counts[k];
+        for (uint32_t k = 0, sample = job.begin; k < count * job.sides; k++) {
+            size_t used = baker->row_first[sample], wanted;
+            if (k % job.sides > 0)
+                used = baker->row_behind[sample] = baker->row_first[sample + 1];
+            wanted = used + job.entry_counts[k];
             if (wanted > capacity) {
                 capacity = wanted + wanted / 2 + 1024;
                 RowEntry *grown = realloc(baker->rows, capacity * sizeof *grown);
@@ -240,7 +260,8 @@ ChiaroResult chiaro_bake_rows(Baker *baker)
                 baker->rows = grown;
             }
             memcpy(baker->rows + used, job.entries + (size_t)k * rays, job.entry_counts[k] * sizeof *baker->rows);
-            baker->row_first[job.begin + k + 1] = wanted;
+            baker->row_first[sample + 1] = wanted;
+            sample += (k + 1) % job.sides == 0;
         }
     }
     result = CHIARO_OK;

@@ -26,11 +26,12 @@ static const double TOLERANCE = 1e-4;
 /* Mean square of a training light on the surfaces against that of its source, below which it is left out. */
 static const double LEAST_LIGHT = 1e-3;
 
-/* Adds what a row sends to each cluster to sums[cluster]. */
-static void add_to_clusters(const Baker *baker, const RowEntry *row, size_t count, float *sums)
+/* Adds what entries of a row, each `scale` times, send to each cluster to sums[cluster]. */
+static void add_to_clusters(const Baker *baker, size_t begin, size_t end, float scale, float *sums)
 {
-    for (size_t e = 0; e < count && row[e].node < baker->sample_count; e++)
-        sums[baker->sample_cluster[row[e].node]] += row[e].weight;
+    const RowEntry *row = baker->rows;
+    for (size_t e = begin; e < end && row[e].node < baker->sample_count; e++)
+        sums[baker->sample_cluster[row[e].node]] += scale * row[e].weight;
 }
 
 /* How nodes become clusters. */
@@ -51,8 +52,7 @@ static bool is_one_place(const Collector *c, const ChiaroNode *node)
         const ChiaroNode *child = &baker->nodes[half ? node->right : node->left];
         memset(c->seen[half], 0, c->bins * sizeof *c->seen[half]);
         for (uint32_t s = child->first; s < child->first + child->count; s++)
-            add_to_clusters(baker, baker->rows + baker->row_first[s], baker->row_first[s + 1] - baker->row_first[s],
-                            c->seen[half]);
+            add_to_clusters(baker, baker->row_first[s], chiaro_row_behind(baker, s), 1, c->seen[half]);
         for (uint32_t i = 0; i < c->bins; i++)
             sum[half] += (double)c->seen[half][i];
     }
@@ -129,9 +129,11 @@ static ChiaroResult coarse_inverse(Baker *baker)
         for (uint32_t s = 0; s < baker->sample_count; s++) {
             uint32_t i = baker->sample_cluster[s];
             double share = baker->samples[s].area / baker->nodes[baker->clusters[i]].area;
+            float through = chiaro_behind_share(baker, s, c);
             a[(size_t)i * n + i] += share;
             memset(row, 0, n * sizeof *row);
-            add_to_clusters(baker, baker->rows + baker->row_first[s], baker->row_first[s + 1] - baker->row_first[s], row);
+            add_to_clusters(baker, baker->row_first[s], chiaro_row_behind(baker, s), 1 - through, row);
+            add_to_clusters(baker, chiaro_row_behind(baker, s), baker->row_first[s + 1], through, row);
             for (uint32_t j = 0; j < n; j++)
                 a[(size_t)i * n + j] -= share * baker->samples[s].albedo[c] * row[j];
         }
@@ -190,12 +192,13 @@ static void correct_coarsely(const Baker *baker, uint32_t first, double *residua
     }
 }
 
-/* image = F values; leaves from `end` on are dark. */
-CHIARO_WIDE static void gather(const Baker *baker, const double *values, uint32_t end, double *image)
+/* image = F values, of the side in front; leaves from `end` on are dark. */
+CHIARO_WIDE static void gather_front(const Baker *baker, const double *values, uint32_t end, double *image)
 {
     for (uint32_t s = 0; s < baker->sample_count; s++) {
         Lanes sum[VECTORS] = {{0}}, value;
-        for (size_t e = baker->row_first[s]; e < baker->row_first[s + 1] && baker->rows[e].node < end; e++) {
+        size_t behind = chiaro_row_behind(baker, s);
+        for (size_t e = baker->row_first[s]; e < behind && baker->rows[e].node < end; e++) {
             const double *from = values + (size_t)baker->rows[e].node * BLOCK, weight = (double)baker->rows[e].weight;
             for (size_t k = 0; k < VECTORS; k++) {
                 memcpy(&value, from + k * LANES, sizeof value);
@@ -203,6 +206,21 @@ CHIARO_WIDE static void gather(const Baker *baker, const double *values, uint32_
             }
         }
         memcpy(image + (size_t)s * BLOCK, sum, sizeof sum);
+    }
+}
+
+/* image = F values, for columns from `first` on: where light comes through, of both sides. */
+static void gather(const Baker *baker, uint32_t first, const double *values, uint32_t end, double *image)
+{
+    gather_front(baker, values, end, image);
+    for (uint32_t s = 0; baker->row_behind && s < baker->sample_count; s++) {
+        double *sum = image + (size_t)s * BLOCK, other[BLOCK] = {0};
+        for (size_t e = baker->row_behind[s]; e < baker->row_first[s + 1] && baker->rows[e].node < end; e++)
+            chiaro_axpy_double(other, (double)baker->rows[e].weight, values + (size_t)baker->rows[e].node * BLOCK, BLOCK);
+        for (uint32_t k = 0; k < BLOCK; k++) {
+            double share = (double)chiaro_behind_share(baker, s, baker->column_channel[first + k]);
+            sum[k] += share * (other[k] - sum[k]);
+        }
     }
 }
 
@@ -214,7 +232,7 @@ static double albedo_of(const Baker *baker, uint32_t sample, uint32_t column)
 /* image = (I - rho F) step */
 static void apply(const Baker *baker, uint32_t first, const double *step, double *image)
 {
-    gather(baker, step, baker->sample_count, image);
+    gather(baker, first, step, baker->sample_count, image);
     for (uint32_t s = 0; s < baker->sample_count; s++) {
         for (size_t k = 0, i = (size_t)s * BLOCK; k < BLOCK; k++, i++)
             image[i] = step[i] - albedo_of(baker, s, first + (uint32_t)k) * image[i];
@@ -320,7 +338,7 @@ static void solve_block(const Solve *solve, uint32_t block, Columns *c)
         for (uint32_t k = 0; k < BLOCK; k++)
             c->total[l * BLOCK + k] = (double)baker->direct[l * baker->columns + first + k];
     }
-    gather(baker, c->total, baker->leaf_count, c->residual);
+    gather(baker, first, c->total, baker->leaf_count, c->residual);
     for (size_t i = 0; i < count; i++) /* of B = x, to begin with */
         c->residual[i] *= albedo_of(baker, (uint32_t)(i / BLOCK), first + (uint32_t)(i % BLOCK));
     for (uint32_t sweep = 0; sweep < MAX_SWEEPS; sweep++) {
@@ -341,7 +359,7 @@ static void solve_block(const Solve *solve, uint32_t block, Columns *c)
         part_of(sums, c->image_size[now], -1, part);
         add(c->residual, part, image, count);
     }
-    gather(baker, c->total, baker->leaf_count, c->residual);
+    gather(baker, first, c->total, baker->leaf_count, c->residual);
     for (size_t l = 0; l < baker->leaf_count; l++) {
         for (uint32_t k = 0; k < BLOCK; k++) {
             baker->total[l * baker->columns + first + k] = (float)c->total[l * BLOCK + k];

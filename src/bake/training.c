@@ -100,17 +100,19 @@ static void light_samples(uint32_t begin, uint32_t end, uint32_t thread, void *u
             float cull = training->one_point ? sample->cull : point->cull, weight = training->one_point ? 1 : point->weight;
             for (uint32_t l = training->one_point ? p : 0; l < training->lamp_count; l += step) {
                 const ChiaroLight *lamp = &training->lamps[l];
-                Vec3 toward = vec3_scale(vec3_load(lamp->direction), -1);
-                float form;
-                if (lamp->type == CHIARO_LIGHT_SUN) {
-                    form = fmaxf(0, vec3_dot(normal, toward));
-                } else {
-                    Vec3 way = vec3_sub(vec3_load(lamp->position), surface);
-                    float distance = vec3_length(way);
-                    form = distance > 0 ? chiaro_point_form(normal, cull, vec3_scale(way, 1 / distance), distance) : 0;
-                }
-                if (form > 0 && chiaro_rays_light_visible(baker->rays, lamp, surface, normal))
-                    row[l] += weight * form * sample->albedo[training->channel[l]];
+                uint32_t c = training->channel[l];
+                bool sun = lamp->type == CHIARO_LIGHT_SUN;
+                Vec3 way = sun ? vec3_scale(vec3_load(lamp->direction), -1) : vec3_sub(vec3_load(lamp->position), surface);
+                bool behind = vec3_dot(normal, way) < 0;
+                float distance = vec3_length(way), given = sample->transmission[c];
+                given = behind ? given : sample->albedo[c] - given;
+                if (!(given > 0) || !(distance > 0))
+                    continue;
+                Vec3 lit = behind ? vec3_scale(normal, -1) : normal; /* the side */
+                float form = sun ? vec3_dot(lit, way)
+                                 : chiaro_point_form(lit, cull, vec3_scale(way, 1 / distance), distance);
+                if (form > 0 && chiaro_rays_light_visible(baker->rays, lamp, surface, lit))
+                    row[l] += weight * form * given;
             }
         }
     }
@@ -162,7 +164,7 @@ static float openness(const Baker *baker)
 {
     double seen = 0;
     for (uint32_t s = 0; s < baker->sample_count; s++) {
-        for (size_t e = baker->row_first[s]; e < baker->row_first[s + 1]; e++)
+        for (size_t e = baker->row_first[s]; e < chiaro_row_behind(baker, s); e++)
             seen += baker->rows[e].node >= baker->sample_count ? baker->rows[e].weight * baker->samples[s].area : 0;
     }
     return (float)(seen / baker->patches.area);
@@ -184,8 +186,9 @@ ChiaroResult chiaro_bake_training(Baker *baker)
 {
     bool grey = true;
     for (uint32_t s = 0; s < baker->sample_count && grey; s++) {
-        const float *a = baker->samples[s].albedo, *e = baker->samples[s].emission;
-        grey = fabsf(a[0] - a[1]) + fabsf(a[1] - a[2]) < 1e-4f && (e[0] + e[1] + e[2] == 0);
+        const float *a = baker->samples[s].albedo, *e = baker->samples[s].emission, *t = baker->samples[s].transmission;
+        grey = fabsf(a[0] - a[1]) + fabsf(a[1] - a[2]) < 1e-4f && (e[0] + e[1] + e[2] == 0) &&
+               fabsf(t[0] - t[1]) + fabsf(t[1] - t[2]) < 1e-4f;
     }
     bool open = baker->info.sky_seen;
     uint32_t lights = baker->sample_count / 8;

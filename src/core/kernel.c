@@ -10,6 +10,10 @@
 
 enum { DEFAULT_LATENCY = 4 };
 
+/* Runs of frames that left some undone, whose units are added up for the bound on age. */
+enum { SPANS = 3, LONGEST_SPAN = 256 };
+static const uint32_t span_frames[SPANS] = {1, 16, LONGEST_SPAN};
+
 /* What an item of a kind is taken to cost falls by this much a time toward what it does cost; it rises at once, but by no
  * more than this factor: one that was dear by chance must not stop the others for long. */
 static const float FORGET = 1.0f / 64, RISE = 2;
@@ -32,6 +36,10 @@ struct ChiaroKernel {
     ChiaroKernelStats stats;
     float nanoseconds[CHIARO_MAX_KERNEL_KINDS]; /* a unit */
     uint64_t due;     /* units */
+    uint64_t last_left; /* the last frame that left some undone */
+    uint64_t run;       /* frames on end that did, up to that one */
+    uint32_t pace[LONGEST_SPAN]; /* their units, a ring */
+    uint64_t span_units[SPANS], span_least[SPANS]; /* units of the last frames of a span; the least there were, 0: none yet */
     uint32_t working, slice; /* on so much of this item */
     uint32_t *heap;   /* stats.due numbers of items */
     Due *items;
@@ -196,6 +204,28 @@ static bool affordable(const ChiaroKernel *kernel, const Due *due, uint32_t unit
     return !budget->microseconds || !kernel->desc.clock.now || (double)spent + (double)wanted <= (double)kernel->limit;
 }
 
+/* The frame leaves some undone. */
+static void end_short(ChiaroKernel *kernel)
+{
+    uint32_t units = kernel->stats.units;
+    if (kernel->last_left == kernel->frame)
+        return;
+    if (kernel->last_left + 1 != kernel->frame) {
+        kernel->run = 0;
+        memset(kernel->span_units, 0, sizeof kernel->span_units);
+    }
+    kernel->last_left = kernel->frame;
+    for (uint32_t s = 0; s < SPANS; s++) {
+        uint64_t *sum = &kernel->span_units[s], *least = &kernel->span_least[s], frames = span_frames[s];
+        *sum += units;
+        if (kernel->run >= frames)
+            *sum -= kernel->pace[(kernel->run - frames) % LONGEST_SPAN];
+        if (kernel->run + 1 >= frames && (*least == 0 || *sum < *least))
+            *least = *sum;
+    }
+    kernel->pace[kernel->run++ % LONGEST_SPAN] = units;
+}
+
 uint32_t chiaro_kernel_next(ChiaroKernel *kernel, uint32_t *units)
 {
     ChiaroKernelStats *stats = &kernel->stats;
@@ -207,8 +237,7 @@ uint32_t chiaro_kernel_next(ChiaroKernel *kernel, uint32_t *units)
     Due *due = &kernel->items[item];
     uint32_t slice = due->slice < due->cost ? due->slice : due->cost;
     if (!affordable(kernel, due, slice, spent)) {
-        if (stats->least_done == 0 || stats->units < stats->least_done)
-            stats->least_done = stats->units;
+        end_short(kernel);
         return CHIARO_NONE;
     }
     stats->age = age > stats->age ? age : stats->age;
@@ -239,7 +268,12 @@ ChiaroResult chiaro_kernel_stats(const ChiaroKernel *kernel, ChiaroKernelStats *
     *stats = kernel->stats;
     stats->struct_size = sizeof *stats;
     stats->oldest = (uint32_t)oldest;
-    uint32_t n = stats->most_due, k = stats->least_done;
-    stats->bound = k ? (n + k - 1) / k + kernel->desc.latency : 0;
+    stats->least_done = (uint32_t)kernel->span_least[0];
+    for (uint32_t s = 0; s < SPANS; s++) {
+        uint64_t k = kernel->span_least[s];
+        uint64_t bound = k ? span_frames[s] * ((stats->most_due + k - 1) / k) + kernel->desc.latency : 0;
+        if (k && (stats->bound == 0 || bound < stats->bound))
+            stats->bound = (uint32_t)(bound < UINT32_MAX ? bound : UINT32_MAX);
+    }
     return CHIARO_OK;
 }

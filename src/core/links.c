@@ -34,6 +34,19 @@ void chiaro_links_gather(const ChiaroLinks *links, const float *values, float *i
         gather_block(links, &links->blocks[b], values, irradiance);
 }
 
+void chiaro_receivers_mix(const ChiaroTransport *transport, float *irradiance)
+{
+    for (uint32_t r = 0; r < transport->receiver_count; r++) {
+        const ChiaroReceiver *receiver = &transport->receivers[r];
+        float *own = irradiance + 3 * (size_t)r, *other = irradiance + 3 * (size_t)receiver->back;
+        for (uint32_t c = 0; c < 3 && r < receiver->back; c++) { /* both at once: the first of two sides comes first */
+            float change = (other[c] - own[c]) * ((float)receiver->transmission[c] / 255);
+            own[c] += change;
+            other[c] -= change;
+        }
+    }
+}
+
 void chiaro_transport_update(const ChiaroTransport *transport, const ChiaroLight *lights, uint32_t light_count,
                              const ChiaroSky *sky, ChiaroVisibleFunc visible, void *user, float *scratch,
                              float *irradiance)
@@ -50,4 +63,5 @@ void chiaro_transport_update(const ChiaroTransport *transport, const ChiaroLight
     }
     chiaro_tree_sum(transport, values);
     chiaro_links_gather(&transport->receiver_links, values, irradiance);
+    chiaro_receivers_mix(transport, irradiance);
 }

@@ -50,22 +50,46 @@ static Vec3 point_irradiance(const ChiaroPoint *point, const ChiaroLight *light,
     return vec3_scale(intensity, distance * distance * form);
 }
 
+/* The same point, seen from behind. */
+static ChiaroPoint turned(const ChiaroPoint *point)
+{
+    ChiaroPoint other = *point;
+    Vec3 normal = vec3_load(point->normal);
+    vec3_store(other.position, vec3_mad(vec3_load(point->position), normal, 2 * point->cull));
+    vec3_store(other.normal, vec3_scale(normal, -1));
+    return other;
+}
+
+/* Adds what a point of a sample receives from all lights, times its weight. In doubles: ten thousand lights would round. */
+static void add_lights(const ChiaroPoint *point, const ChiaroLight *lights, uint32_t light_count, ChiaroVisibleFunc visible,
+                       void *user, double sum[3])
+{
+    for (uint32_t l = 0; l < light_count; l++) {
+        Vec3 light = point_irradiance(point, &lights[l], visible, user);
+        sum[0] += (double)(light.x * point->weight);
+        sum[1] += (double)(light.y * point->weight);
+        sum[2] += (double)(light.z * point->weight);
+    }
+}
+
 void chiaro_samples_light(const ChiaroTransport *transport, const ChiaroLight *lights, uint32_t light_count,
                           ChiaroVisibleFunc visible, void *user, float *radiosity)
 {
     for (uint32_t s = 0; s < transport->sample_count; s++) {
         const ChiaroSample *sample = &transport->samples[s];
-        double sum[3] = {0, 0, 0}; /* ten thousand lights would round */
+        const float *through = sample->transmission;
+        double front[3] = {0, 0, 0}, behind[3] = {0, 0, 0};
         for (uint32_t p = 0; p < sample->point_count; p++) {
             const ChiaroPoint *point = &transport->points[sample->first_point + p];
-            for (uint32_t l = 0; l < light_count; l++) {
-                Vec3 light = point_irradiance(point, &lights[l], visible, user);
-                sum[0] += (double)(light.x * point->weight);
-                sum[1] += (double)(light.y * point->weight);
-                sum[2] += (double)(light.z * point->weight);
-            }
+            add_lights(point, lights, light_count, visible, user, front);
+            if (!(vec3_max(vec3_load(through)) > 0))
+                continue;
+            ChiaroPoint other = turned(point);
+            add_lights(&other, lights, light_count, visible, user, behind);
         }
-        for (uint32_t c = 0; c < 3; c++)
-            radiosity[3 * (size_t)s + c] = sample->emission[c] + sample->albedo[c] * (float)sum[c];
+        for (uint32_t c = 0; c < 3; c++) {
+            float light = (sample->albedo[c] - through[c]) * (float)front[c] + through[c] * (float)behind[c];
+            radiosity[3 * (size_t)s + c] = sample->emission[c] + light;
+        }
     }
 }

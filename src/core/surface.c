@@ -1,7 +1,7 @@
 /* What a scene is made of, one point at a time: checks, textures, surface colours, and the light that a lamp sends.
  * Every part of Chiaro (baker, reference, renderer) asks here, so that they agree. */
 #include "log.h"
-#include "vec.h"
+#include "samples.h"
 
 #include <float.h>
 #include <string.h>
@@ -134,6 +134,16 @@ static bool check_twin(const Check *check, uint32_t number)
     return true;
 }
 
+/* Light comes through from a side that is there; and if that were of another material, more could leave than came. */
+static bool check_transmission(const Check *check, uint32_t number)
+{
+    const ChiaroPart *part = &check->scene->parts[number];
+    bool through = vec3_max(chiaro_material_transmission(&check->scene->materials[part->material])) > 0;
+    if (through && (part->twin == CHIARO_NONE || check->scene->parts[part->twin].material != part->material))
+        return refuse(check, "part", number, "lets light through, but has no other side of the same material");
+    return true;
+}
+
 static bool check_parts(const Check *check)
 {
     const ChiaroScene *scene = check->scene;
@@ -150,7 +160,7 @@ static bool check_parts(const Check *check)
             return refuse(check, "part", i, "material does not exist");
     }
     for (uint32_t i = 0; i < scene->part_count; i++) {
-        if (!check_twin(check, i))
+        if (!check_twin(check, i) || !check_transmission(check, i))
             return false;
     }
     return true;

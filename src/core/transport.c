@@ -157,7 +157,8 @@ static bool samples_sound(const ChiaroTransport *t, const ChiaroLog *log)
             return chiaro_file_fault(log, "sample %u has points that do not exist", s);
         for (int c = 0; c < 3; c++) {
             if (!(sample->albedo[c] >= 0 && sample->albedo[c] <= 1) || !(sample->emission[c] >= 0) ||
-                !isfinite(sample->emission[c]))
+                !isfinite(sample->emission[c]) ||
+                !(sample->transmission[c] >= 0 && sample->transmission[c] <= sample->albedo[c]))
                 return chiaro_file_fault(log, "sample %u has an impossible colour", s);
         }
     }
@@ -190,6 +191,21 @@ static bool links_sound(const ChiaroTransport *t, const ChiaroLinks *links, uint
     }
     return chiaro_file_finite(links->weights, links->weight_count) ||
            chiaro_file_fault(log, "the links of %s hold weights that are not finite", of);
+}
+
+/* Two sides of a surface name each other, and let the same through; others name nothing, which reads as the first. */
+static bool receivers_sound(const ChiaroTransport *t, const ChiaroLog *log)
+{
+    for (uint32_t r = 0; r < t->receiver_count; r++) {
+        const ChiaroReceiver *own = &t->receivers[r];
+        const uint8_t *share = own->transmission;
+        if (own->back == 0 && !(share[0] | share[1] | share[2]))
+            continue;
+        if (own->back >= t->receiver_count || own->back == r || t->receivers[own->back].back != r ||
+            memcmp(share, t->receivers[own->back].transmission, 3) != 0)
+            return chiaro_file_fault(log, "receiver %u has no other side", r);
+    }
+    return true;
 }
 
 static bool mesh_sound(const ChiaroTransport *t, const ChiaroLog *log)
@@ -269,7 +285,8 @@ ChiaroResult chiaro_transport_open(const void *data, size_t size, ChiaroTranspor
     }
     if (!nodes_sound(&t, log) || !sky_sound(&t, log) || !samples_sound(&t, log) ||
         !links_sound(&t, &t.sample_links, t.sample_count, "samples", log) ||
-        !links_sound(&t, &t.receiver_links, t.receiver_count, "receivers", log) || !mesh_sound(&t, log) ||
+        !links_sound(&t, &t.receiver_links, t.receiver_count, "receivers", log) || !receivers_sound(&t, log) ||
+        !mesh_sound(&t, log) ||
         chiaro_scene_check(&t.scene, log) != CHIARO_OK)
         return CHIARO_ERROR_DATA;
     *transport = t;

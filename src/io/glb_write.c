@@ -2,7 +2,7 @@
  * per part. Numbers are printed so that reading them gives the same bits. */
 #include "io_error.h"
 
-#include "../core/vec.h"
+#include "../core/samples.h"
 
 #include <stdlib.h>
 
@@ -69,10 +69,11 @@ static void add_string(Bytes *to, const char *string)
 typedef struct Document {
     const ChiaroScene *scene;
     Bytes accessors, meshes, nodes, materials, cameras, lights;
+    Bytes extensions; /* of the material under way */
     Bytes indices, vertices;
     uint32_t accessor_count, mesh_count, node_count, material_count;
     uint32_t *material_index; /* Two for each of the scene's: one-sided, two-sided; CHIARO_NONE: not written yet. */
-    bool colors, strengths;
+    bool colors, strengths, transmissions;
 } Document;
 
 static Bytes *begin_element(Bytes *list)
@@ -86,6 +87,25 @@ static Bytes *begin_element(Bytes *list)
  * Materials
  */
 
+/* What of the albedo leaves on the other side: where that is not alike in all channels, the base colour is not the albedo. */
+static void write_transmission(Document *document, const ChiaroMaterial *material, float base[3])
+{
+    Vec3 share = chiaro_material_transmission(material);
+    float shares[3], color[3], most = vec3_max(share);
+    vec3_store(shares, share);
+    for (int c = 0; c < 3 && most > 0; c++) {
+        color[c] = material->albedo[c] * (shares[c] / most);
+        base[c] = most < 1 ? material->albedo[c] * ((1 - shares[c]) / (1 - most)) : material->albedo[c];
+    }
+    if (!(most > 0))
+        return;
+    add_text(&document->extensions, "%s\"KHR_materials_diffuse_transmission\":{\"diffuseTransmissionFactor\":%.9g,"
+             "\"diffuseTransmissionColorFactor\":", document->extensions.size ? "," : "", (double)most);
+    add_floats(&document->extensions, color, 3);
+    add_text(&document->extensions, "}");
+    document->transmissions = true;
+}
+
 static uint32_t write_material(Document *document, uint32_t index, bool two_sided)
 {
     uint32_t *known = &document->material_index[index * 2 + two_sided];
@@ -95,6 +115,8 @@ static uint32_t write_material(Document *document, uint32_t index, bool two_side
     Bytes *out = begin_element(&document->materials);
     float brightest = vec3_max(vec3_load(material->emission)), strength = brightest > 1 ? brightest : 1;
     float factor[4] = {material->albedo[0], material->albedo[1], material->albedo[2], material->alpha};
+    document->extensions.size = 0;
+    write_transmission(document, material, factor);
     add_text(out, "{\"name\":\"material_%u\",\"pbrMetallicRoughness\":{\"baseColorFactor\":", index);
     add_floats(out, factor, 4);
     add_text(out, ",\"metallicFactor\":0,\"roughnessFactor\":1}");
@@ -105,9 +127,15 @@ static uint32_t write_material(Document *document, uint32_t index, bool two_side
         add_floats(out, emission, 3);
     }
     if (strength > 1) {
-        add_text(out, ",\"extensions\":{\"KHR_materials_emissive_strength\":{\"emissiveStrength\":%.9g}}",
-                 (double)strength);
+        add_text(&document->extensions, "%s\"KHR_materials_emissive_strength\":{\"emissiveStrength\":%.9g}",
+                 document->extensions.size ? "," : "", (double)strength);
         document->strengths = true;
+    }
+    if (document->extensions.size) {
+        add_text(out, ",\"extensions\":{");
+        add_bytes(out, document->extensions.data, document->extensions.size);
+        add_text(out, "}");
+        out->failed |= document->extensions.failed;
     }
     if (material->alpha_cutoff > 0)
         add_text(out, ",\"alphaMode\":\"MASK\",\"alphaCutoff\":%.9g", (double)material->alpha_cutoff);
@@ -293,13 +321,17 @@ static void add_list(Bytes *json, const char *name, const Bytes *list)
 
 static void write_json(const Document *document, Bytes *json)
 {
-    const char *strengths = document->strengths ? "\"KHR_materials_emissive_strength\"" : "";
-    const char *lights = document->lights.size ? "\"KHR_lights_punctual\"" : "";
+    const bool lights = document->lights.size > 0;
+    const char *used[] = {document->strengths ? "KHR_materials_emissive_strength" : NULL,
+                          document->transmissions ? "KHR_materials_diffuse_transmission" : NULL,
+                          lights ? "KHR_lights_punctual" : NULL};
+    uint32_t used_count = 0;
     size_t index_bytes = document->indices.size, vertex_bytes = document->vertices.size;
     add_text(json, "{\"asset\":{\"version\":\"2.0\",\"generator\":\"chiaro\"}");
-    if (*strengths || *lights)
-        add_text(json, ",\"extensionsUsed\":[%s%s%s]", strengths, *strengths && *lights ? "," : "", lights);
-    add_text(json, ",\"scene\":0,\"scenes\":[{\"nodes\":[");
+    for (size_t i = 0; i < sizeof used / sizeof *used; i++)
+        if (used[i])
+            add_text(json, "%s\"%s\"", used_count++ ? "," : ",\"extensionsUsed\":[", used[i]);
+    add_text(json, "%s,\"scene\":0,\"scenes\":[{\"nodes\":[", used_count ? "]" : "");
     for (uint32_t i = 0; i < document->node_count; i++)
         add_text(json, "%s%u", i ? "," : "", i);
     add_text(json, "]}]");
@@ -307,7 +339,7 @@ static void write_json(const Document *document, Bytes *json)
     add_list(json, "meshes", &document->meshes);
     add_list(json, "materials", &document->materials);
     add_list(json, "cameras", &document->cameras);
-    if (*lights) {
+    if (lights) {
         add_text(json, ",\"extensions\":{\"KHR_lights_punctual\":{\"lights\":[");
         add_bytes(json, document->lights.data, document->lights.size);
         add_text(json, "]}}");
@@ -395,7 +427,8 @@ bool chiaro_io_write_glb(const char *path, const ChiaroScene *scene, const Chiar
     bool done = glb.failed ? chiaro_io_fail(error, path, "cannot be written: out of memory or beyond 4 GiB")
                            : chiaro_io_write_file(path, glb.data, glb.size, error);
     Bytes *const all[] = {&document.accessors, &document.meshes,  &document.nodes,   &document.materials,
-                          &document.cameras,   &document.lights,  &document.indices, &document.vertices, &glb};
+                          &document.cameras,   &document.lights,  &document.indices, &document.vertices,
+                          &document.extensions, &glb};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         free(all[i]->data);
     free(document.material_index);

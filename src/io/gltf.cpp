@@ -22,6 +22,7 @@ using namespace chiaro_gltf;
 const size_t max_indices = size_t{3} << 27; /* Of the scene. */
 const double max_coordinate = 1e9;          /* As chiaro_scene_check() has it. */
 const float no_material_albedo = 0.7f;
+const char texture_transform[] = "KHR_texture_transform";
 
 /* ------------------------------------------------------------------------------------------------------------------
  * The importer
@@ -358,14 +359,16 @@ private:
         if (surface.index != CHIARO_NONE)
             return surface;
         ChiaroMaterial material = empty_material();
-        take_albedo(source, index, &material, &surface);
+        bool over = take_albedo(source, index, &material, &surface);
+        bool through = take_transmission(source, index, &material, &over);
+        clamped += over;
         take_emission(source, index, &material, &surface);
         if (source.alphaMode == "MASK") {
             if (!(source.alphaCutoff >= 0 && source.alphaCutoff <= double(FLT_MAX)))
                 fail("material %d has an alpha cutoff out of range", index);
             material.alpha_cutoff = float(source.alphaCutoff);
         }
-        surface.two_sided = source.doubleSided;
+        surface.two_sided = source.doubleSided || through;
         surface.index = add_material(material);
         return surface;
     }
@@ -384,7 +387,8 @@ private:
         return uint32_t(out.materials.size() - 1);
     }
 
-    void take_albedo(const tinygltf::Material &source, int index, ChiaroMaterial *material, Surface *surface)
+    /* True if the albedo was clamped. */
+    bool take_albedo(const tinygltf::Material &source, int index, ChiaroMaterial *material, Surface *surface)
     {
         const tinygltf::PbrMetallicRoughness &pbr = source.pbrMetallicRoughness;
         bool over = false;
@@ -397,9 +401,44 @@ private:
             over |= float(pbr.baseColorFactor[c]) > CHIARO_MAX_ALBEDO;
             material->albedo[c] = std::min(float(pbr.baseColorFactor[c]), CHIARO_MAX_ALBEDO);
         }
-        clamped += over;
         material->alpha = std::min(float(pbr.baseColorFactor[3]), 1.0f);
         material->albedo_texture = take_texture(pbr.baseColorTexture, index, &surface->albedo);
+        return over;
+    }
+
+    /* What a transmission says of a channel: a part of 1; without the extension none. */
+    static double part_of(const tinygltf::Material &source, const char *extension, const char *name, int item,
+                          double otherwise, int material)
+    {
+        auto found = source.extensions.find(extension);
+        double part = found == source.extensions.end() ? 0 : member(found->second, extension, name, item, otherwise);
+        if (!(part >= 0 && part <= 1))
+            fail("material %d has a %s out of range", material, name);
+        return part;
+    }
+
+    /* True if light comes through: then the surface has another side, whatever the file says of seeing it. What comes
+     * through in a straight line (KHR_materials_transmission) is taken to be scattered; textures of transmission are not
+     * read, and that of the base colour tints both ways. */
+    bool take_transmission(const tinygltf::Material &source, int index, ChiaroMaterial *material, bool *over)
+    {
+        static const char straight[] = "KHR_materials_transmission", diffuse[] = "KHR_materials_diffuse_transmission";
+        bool any = false;
+        for (int c = 0; c < 3; c++) {
+            double all = double(material->albedo[c]);
+            double glass = part_of(source, straight, "transmissionFactor", -1, 0, index);
+            double leaf = part_of(source, diffuse, "diffuseTransmissionFactor", -1, 0, index);
+            double tint = part_of(source, diffuse, "diffuseTransmissionColorFactor", c, 1, index);
+            double through = all * glass + leaf * tint, given = all * (1 - glass) * (1 - leaf);
+            if (!(glass + leaf > 0))
+                continue;
+            all = given + through;
+            material->transmission[c] = all > 0 ? uint8_t(std::lround(255 * through / all)) : 0;
+            material->albedo[c] = std::min(float(all), CHIARO_MAX_ALBEDO);
+            *over |= float(all) > CHIARO_MAX_ALBEDO;
+            any |= material->transmission[c] > 0;
+        }
+        return any;
     }
 
     void take_emission(const tinygltf::Material &source, int index, ChiaroMaterial *material, Surface *surface)
@@ -421,18 +460,19 @@ private:
             material->emission_texture = take_texture(source.emissiveTexture, index, &surface->emission);
     }
 
-    static double member(const tinygltf::Value &object, const char *name, int item, double otherwise)
+    static double member(const tinygltf::Value &object, const char *extension, const char *name, int item,
+                         double otherwise)
     {
         if (!object.Has(name))
             return otherwise;
         const tinygltf::Value *value = &object.Get(name);
         if (item >= 0) {
             if (!value->IsArray() || size_t(item) >= value->ArrayLen())
-                fail("KHR_texture_transform has a damaged %s", name);
+                fail("%s has a damaged %s", extension, name);
             value = &value->Get(item);
         }
         if (!value->IsNumber() || !std::isfinite(value->GetNumberAsDouble()))
-            fail("KHR_texture_transform has a damaged %s", name);
+            fail("%s has a damaged %s", extension, name);
         return value->GetNumberAsDouble();
     }
 
@@ -442,16 +482,17 @@ private:
             return CHIARO_NONE;
         const tinygltf::Texture &texture = element(model.textures, info.index, "texture");
         double set = info.texCoord;
-        auto extension = info.extensions.find("KHR_texture_transform");
+        auto extension = info.extensions.find(texture_transform);
         if (extension != info.extensions.end()) {
             const tinygltf::Value &t = extension->second;
-            double angle = member(t, "rotation", -1, 0), sine = std::sin(angle), cosine = std::cos(angle);
-            double scale_u = member(t, "scale", 0, 1), scale_v = member(t, "scale", 1, 1);
+            double angle = member(t, texture_transform, "rotation", -1, 0), sine = std::sin(angle), cosine = std::cos(angle);
+            double scale_u = member(t, texture_transform, "scale", 0, 1);
+            double scale_v = member(t, texture_transform, "scale", 1, 1);
             /* Counter-clockwise as one sees the image, where v points down. The shader in the extension's text turns
              * the other way; its worked example and its test model turn this way. */
-            *mapping = {0, cosine * scale_u, sine * scale_v, member(t, "offset", 0, 0),
-                        -sine * scale_u, cosine * scale_v, member(t, "offset", 1, 0)};
-            set = member(t, "texCoord", -1, set);
+            *mapping = {0, cosine * scale_u, sine * scale_v, member(t, texture_transform, "offset", 0, 0),
+                        -sine * scale_u, cosine * scale_v, member(t, texture_transform, "offset", 1, 0)};
+            set = member(t, texture_transform, "texCoord", -1, set);
         }
         if (!(set >= 0 && set <= 1000))
             fail("material %d uses a set of texture coordinates out of range", material);

@@ -116,7 +116,8 @@ void check_depth(const unsigned char *json, size_t size)
 void check_extensions(const tinygltf::Model &model)
 {
     static const char *const known[] = {"KHR_lights_punctual", "KHR_materials_emissive_strength",
-                                        "KHR_texture_transform", "KHR_materials_unlit", "KHR_mesh_quantization"};
+                                        "KHR_texture_transform", "KHR_materials_unlit", "KHR_mesh_quantization",
+                                        "KHR_materials_transmission", "KHR_materials_diffuse_transmission"};
     for (const std::string &name : model.extensionsRequired) {
         bool found = false;
         for (const char *k : known)

@@ -5,6 +5,8 @@
  * picture the first vertex is joined to a pool of points, too, that know what light they pass on. */
 #include "pool.h"
 
+#include "../core/samples.h"
+
 /* Up to here every lamp is asked at every vertex; of more, one that is likely to matter. */
 #define MAX_ASKED_LAMPS 8u
 /* Paths that carry less than this end by chance (Russian roulette). Measured on a Cornell box: noise^2 * seconds is
@@ -73,8 +75,32 @@ Place path_place(const World *world, uint32_t part, uint32_t triangle, float u, 
         shading = geometric;
     float alpha = chiaro_surface(scene, part, triangle, u, v, albedo, emission);
     return (Place){position, vec3_mad(position, geometric, chiaro_rays_epsilon(world->rays)), geometric, shading,
-                   vec3_load(albedo), vec3_load(emission), triangle,
+                   vec3_load(albedo), vec3_load(emission),
+                   chiaro_material_transmission(&scene->materials[scene->parts[part].material]), triangle,
                    alpha < scene->materials[scene->parts[part].material].alpha_cutoff};
+}
+
+/* The other side of a place. */
+static Place turned(const Place *place)
+{
+    Place other = *place;
+    other.origin = vec3_sub(vec3_scale(place->position, 2), place->origin);
+    other.geometric = vec3_scale(place->geometric, -1), other.shading = vec3_scale(place->shading, -1);
+    return other;
+}
+
+/* A place that lets light through is turned as often as what it scatters leaves on the other side. Returns what the path
+ * carries for it. */
+static Vec3 choose_side(Place *place, Sampler *sampler)
+{
+    Vec3 one = vec3(1, 1, 1), share = place->transmission;
+    float often = (share.x + share.y + share.z) / 3;
+    if (!(often > 0))
+        return one;
+    bool turn = chiaro_random_float(&sampler->random) < often;
+    if (turn)
+        *place = turned(place);
+    return turn ? vec3_scale(share, 1 / often) : vec3_scale(vec3_sub(one, share), 1 / (1 - often));
 }
 
 /* What a direction counts: its cosine, and that of the direction which is mirrored up to it (see reference.h).
@@ -194,12 +220,22 @@ static Vec3 from_lamps(const World *world, const Place *place, float density, fl
     return sum;
 }
 
-Vec3 path_punctual(const World *world, const Place *place, uint64_t *rays)
+static Vec3 from_all_lamps(const World *world, const Place *place, uint64_t *rays)
 {
     Vec3 sum = vec3(0, 0, 0);
     for (uint32_t i = 0; i < world->light_count; i++)
         sum = vec3_add(sum, lamp_if_visible(world, i, place, shared_light(world, i, place, INFINITY), rays));
     return sum;
+}
+
+Vec3 path_punctual(const World *world, const Place *place, uint64_t *rays)
+{
+    Vec3 front = from_all_lamps(world, place, rays);
+    if (!(vec3_max(place->transmission) > 0))
+        return front;
+    Place other = turned(place);
+    Vec3 change = vec3_sub(from_all_lamps(world, &other, rays), front);
+    return vec3_add(front, vec3_mul(place->transmission, change));
 }
 
 /* Density per m^2 of the free ray from a place, around a point with this normal: also the geometric factor. From the
@@ -248,6 +284,7 @@ static Lit follow_lamp_ray(const World *world, Sampler *sampler, uint64_t *rays)
     lit.place = path_place(world, hit.part, hit.triangle, hit.u, hit.v, hit.normal);
     lit.light = vec3_mul(lamp_light(lamp, &lit.place, &toward, &distance), lit.place.albedo);
     lit.density = lamp_density(world, number, &lit.place, toward, distance);
+    lit.light = vec3_mul(lit.light, choose_side(&lit.place, sampler));
     lit.found = lit.density > 0 && vec3_max(lit.light) > 0;
     return lit;
 }
@@ -377,12 +414,15 @@ Vec3 path_indirect(const World *world, const Place *first, Sampler *sampler, uin
     float arrival = INFINITY; /* density per m^2 of the free ray that came here */
     for (uint32_t vertex = 0; depth == 0 || vertex < depth; vertex++) {
         Pair choices = sampler_pair(sampler, pair_at(vertex, PAIR_CHOICES));
+        const Place reached = place;
+        Vec3 side = choose_side(&place, sampler);
         if (vertex > 0) {
             Vec3 lamps = from_lamps(world, &place, lamp_ray ? arrival : INFINITY, choices.v, rays);
-            light = vec3_add(light, vec3_mul(carried, lamps));
+            light = vec3_add(light, vec3_mul(carried, vec3_mul(side, lamps)));
         }
-        if (vertex == 1 && joins && !guess(&place, joins, arrival, sampler, &carried, &light))
+        if (vertex == 1 && joins && !guess(&reached, joins, arrival, sampler, &carried, &light))
             return light;
+        carried = vec3_mul(carried, side);
         Vec3 here = vec3(0, 0, 0);
         if (vertex == 0 && joins)
             here = from_pool(world, &place, joins, rays);

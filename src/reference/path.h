@@ -26,6 +26,7 @@ typedef struct Place {
     Vec3 geometric; /* unit normals */
     Vec3 shading;
     Vec3 albedo, emission;
+    Vec3 transmission; /* of what it scatters, what leaves on the other side */
     uint32_t triangle;
     bool hole; /* of a masked material: nothing is there */
 } Place;

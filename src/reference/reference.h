@@ -5,7 +5,9 @@
  *  - indirect: albedo / pi * integral of radiance * kernel over the directions above the geometric plane, where the
  *    kernel is max(0, n.d) plus the same of d mirrored at the plane: what a bent shading normal would send below the
  *    surface is turned up again, so that no energy is lost. On flat shading this is the plain cosine.
- * Surfaces have one side; seen from behind they are black and opaque, except that the camera does not see them at all.
+ * Where light comes through, albedo times transmission counts for light from behind, the rest of it for light from in
+ * front. Surfaces have one side; seen from behind they are black and opaque, except that the camera does not see them at
+ * all.
  */
 #ifndef CHIARO_REFERENCE_H
 #define CHIARO_REFERENCE_H

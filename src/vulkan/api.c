@@ -18,6 +18,8 @@
 #define MIN_SHADOW_SIZE 64u
 #define MAX_SHADOW_SIZE 8192u
 #define MAX_EXPOSURE 64.0f
+#define DEFAULT_UNEVEN_SIZE 2.0f
+#define MAX_UNEVEN_SIZE 1e6f
 /* What the end of an update is taken to cost falls by so much a frame toward what it does cost; it rises at once. */
 #define TAIL_FORGET (1.0f / 64)
 
@@ -245,8 +247,11 @@ static ChiaroResult settings_set(ChiaroVulkan *context, const ChiaroVulkanSettin
         return CHIARO_ERROR_ARGUMENT;
     if (settings->component > CHIARO_COMPONENT_INDIRECT || settings->gi_off > 1 || settings->tone_map > 1 ||
         !(fabsf(settings->exposure) <= MAX_EXPOSURE) || settings->without > CHIARO_WITHOUT_ALL ||
-        settings->direct_too > 1)
-        return refuse(context, "settings_set: component, gi_off, tone_map, exposure, without or direct_too");
+        settings->direct_too > 1 || !(settings->uneven >= 0 && settings->uneven <= 1) ||
+        !(settings->uneven_size >= 0 && settings->uneven_size <= MAX_UNEVEN_SIZE))
+        return refuse(context, "settings_set: component, gi_off, tone_map, exposure, without, direct_too or uneven");
+    settings->uneven_size = settings->uneven_size > 0 ? settings->uneven_size : DEFAULT_UNEVEN_SIZE;
+    settings->uneven_size = settings->uneven > 0 ? settings->uneven_size : 0; /* without noise it makes no difference */
     const ChiaroVulkanSettings *old = &context->settings;
     if (old->gi_off && !settings->gi_off && context->scene.arena && !context->scene.gi_arena)
         return refuse(context, "settings_set: the scene was loaded without bounce light");
@@ -254,7 +259,8 @@ static ChiaroResult settings_set(ChiaroVulkan *context, const ChiaroVulkanSettin
         return refuse(context, "settings_set: objects were loaded without bounce light");
     bool other_light = old->component != settings->component || old->gi_off != settings->gi_off ||
                        old->without != settings->without;
-    if (old->component != settings->component || old->tone_map != settings->tone_map)
+    bool other_uneven = memcmp(&old->uneven, &settings->uneven, 2 * sizeof(float)) != 0;
+    if (old->component != settings->component || old->tone_map != settings->tone_map || other_uneven)
         chiaro_pipelines_retire(context, false);
     context->settings = *settings;
     if (other_light)
@@ -471,15 +477,22 @@ static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features,
     const SceneState *scene = &context->scene;
     const char *no_gi = why_no_gi(context);
     FeatureList list = {.features = features, .capacity = features ? *count : 0};
-    bool textured = false, masked = false, lit = chiaro_vulkan_lights(context) > 0;
+    bool textured = false, masked = false, translucent = false, lit = chiaro_vulkan_lights(context) > 0;
     for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++) {
         textured |= (scene->surfaces >> kind & 1) && (kind & SURFACE_TEXTURED);
         masked |= (scene->surfaces >> kind & 1) && (kind & SURFACE_MASKED);
+        translucent |= ((scene->surfaces | context->objects.meshes.surfaces) >> kind & 1) && (kind & SURFACE_TRANSLUCENT);
     }
+    const char *no_through = !translucent ? "no material lets light through"
+                             : chiaro_vulkan_without(context, CHIARO_WITHOUT_TRANSMISSION) ? "turned off"
+                                                                                           : NULL;
     add_feature(&list, "scene", scene->arena ? NULL : "none loaded", "loaded", scene->mesh_bytes);
     add_feature(&list, "textures", textured ? NULL : "no material has one", "materials have them",
                 scene->texture_bytes);
     add_feature(&list, "alpha masks", masked ? NULL : "no material has one", "materials have them", 0);
+    uint64_t through_bytes = scene->translucent && scene->gi_arena
+                                 ? 16 * (uint64_t)scene->transport.sample_count + 8 * (uint64_t)scene->irradiance_count : 0;
+    add_feature(&list, "transmission", no_through, "materials let light through", through_bytes);
     describe_lights(context, &list);
     add_feature(&list, "bounce light", no_gi, "links carry it", scene->gi_bytes);
     add_time(context, &list, LAP_BOUNCE);
@@ -508,6 +521,8 @@ static void describe(const ChiaroVulkan *context, ChiaroVulkanFeature *features,
                 "the sky is set", context->sky.bytes);
     const char *linear = context->settings.tone_map ? NULL : "linear radiance is wanted";
     add_feature(&list, "tone map", hosts ? hosts : linear, "turned on", 0);
+    const char *even = context->settings.uneven > 0 ? NULL : "not asked for";
+    add_feature(&list, "uneven ambient", hosts ? hosts : even ? even : no_gi, "bounce light has noise on it", 0);
     *count = list.count;
 }
 

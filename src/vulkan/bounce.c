@@ -128,6 +128,7 @@ static void record_stage(ChiaroVulkan *context, VkCommandBuffer commands, const 
     case STAGE_SAMPLES:
         pass = chiaro_vulkan_lights(context) > 0 ? GI_SAMPLES_LIT : GI_SAMPLES_DARK;
         push.more[0] = context->settings.without;
+        push.more[1] = chiaro_vulkan_transmissions(&context->scene);
         break;
     case STAGE_PATTERNS:
         push.range[2] = chiaro_vulkan_without(context, CHIARO_WITHOUT_BOUNCES) ? 0 : again; /* fall through */
@@ -141,6 +142,7 @@ static void record_stage(ChiaroVulkan *context, VkCommandBuffer commands, const 
         pass = GI_GATHER_RECEIVERS;
         push.more[0] = links_of(context, stage)->first_row;
         push.more[1] = context->bounce.sliced;
+        push.more[2] = context->scene.first_side;
         break;
     default: break;
     }

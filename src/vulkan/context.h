@@ -124,7 +124,7 @@ enum { GI_TEXELS = 10, GI_BINDINGS = 14 };
 /* ---- pipelines.c -------------------------------------------------------------------------------------------------- */
 
 /* Bits of a kind of surface: which forward pipeline draws it. */
-enum { SURFACE_TEXTURED = 1, SURFACE_MASKED = 2, SURFACE_KINDS = 4 };
+enum { SURFACE_TEXTURED = 1, SURFACE_MASKED = 2, SURFACE_TRANSLUCENT = 4, SURFACE_KINDS = 8 };
 /* Bits of what lights it: lights with shadows, bounce light, the sun of the sky (which is one of the lights), objects that
  * stand in the way, and some of them of more than one piece. */
 enum { FORWARD_LIT = 1, FORWARD_GI = 2, FORWARD_SUN = 4, FORWARD_BLOCKED = 8, FORWARD_PIECES = 16, FORWARD_KINDS = 32 };
@@ -231,6 +231,8 @@ typedef struct SceneState {
     DrawPart *parts; /* sorted by surface */
     uint32_t part_count, surfaces, shadows; /* bit masks of the kinds that occur */
     uint32_t emitters; /* samples that emit */
+    uint32_t translucent; /* samples that let light through */
+    uint32_t first_side;  /* where the other sides of receivers begin among the rows; 0: there are none */
     float low[3], high[3];
     ChiaroTransport transport; /* views into the host's memory */
     uint64_t mesh_bytes, texture_bytes, gi_bytes;
@@ -466,6 +468,12 @@ static inline bool chiaro_vulkan_without(const ChiaroVulkan *context, ChiaroVulk
 static inline bool chiaro_vulkan_emitters(const ChiaroVulkan *context)
 {
     return context->scene.emitters > 0 && !chiaro_vulkan_without(context, CHIARO_WITHOUT_EMITTERS);
+}
+
+/* First texel of the samples' transmissions; 0: there are none. */
+static inline uint32_t chiaro_vulkan_transmissions(const SceneState *scene)
+{
+    return scene->translucent ? 2 * scene->transport.sample_count : 0;
 }
 
 /* Bounce light is wanted, possible, and not black. */

@@ -33,8 +33,9 @@ _Static_assert(CHIARO_GPU_CUBE_UNORM8 == CHIARO_CUBE_UNORM8 && CHIARO_GPU_CUBE_H
 _Static_assert(CHIARO_GPU_WITHOUT_CAVITY == CHIARO_WITHOUT_CAVITY &&
                    CHIARO_GPU_WITHOUT_BENT_NORMALS == CHIARO_WITHOUT_BENT_NORMALS &&
                    CHIARO_GPU_WITHOUT_EMITTERS == CHIARO_WITHOUT_EMITTERS &&
-                   CHIARO_GPU_WITHOUT_PULL_BACK == CHIARO_WITHOUT_PULL_BACK,
-               "ideas of forward_vertex.glsl, samples.glsl");
+                   CHIARO_GPU_WITHOUT_PULL_BACK == CHIARO_WITHOUT_PULL_BACK &&
+                   CHIARO_GPU_WITHOUT_TRANSMISSION == CHIARO_WITHOUT_TRANSMISSION,
+               "ideas of forward_vertex.glsl, forward_fragment.glsl, samples.glsl");
 _Static_assert((int)CHIARO_WORLD_WITHOUT_NEIGHBOURS == (int)CHIARO_WITHOUT_NEIGHBOURS &&
                    (int)CHIARO_WORLD_WITHOUT_SKIN == (int)CHIARO_WITHOUT_SKIN &&
                    (int)CHIARO_WORLD_WITHOUT_SMOOTHING == (int)CHIARO_WITHOUT_SMOOTHING &&

@@ -340,9 +340,11 @@ typedef struct ForwardConstants {
     uint32_t component;
     VkBool32 tone_map, masked, sky_sun, pieces;
     uint32_t cube_edge, cube_format;
+    VkBool32 translucent;
+    float uneven, uneven_size;
 } ForwardConstants;
 
-enum { FORWARD_CONSTANTS = 7 };
+enum { FORWARD_CONSTANTS = 10 };
 static const VkSpecializationMapEntry forward_entries[FORWARD_CONSTANTS] = {
     {0, offsetof(ForwardConstants, component), 4},
     {1, offsetof(ForwardConstants, tone_map), 4},
@@ -350,7 +352,10 @@ static const VkSpecializationMapEntry forward_entries[FORWARD_CONSTANTS] = {
     {3, offsetof(ForwardConstants, sky_sun), 4},
     {4, offsetof(ForwardConstants, pieces), 4},
     {5, offsetof(ForwardConstants, cube_edge), 4},
-    {6, offsetof(ForwardConstants, cube_format), 4}};
+    {6, offsetof(ForwardConstants, cube_format), 4},
+    {7, offsetof(ForwardConstants, translucent), 4},
+    {8, offsetof(ForwardConstants, uneven), 4},
+    {9, offsetof(ForwardConstants, uneven_size), 4}};
 
 /* Vertices of what stays: with the irradiance of each. Of objects: with what their bake says. Of the latter, four floats
  * are taken where three are wanted: they are fetched faster. */
@@ -390,7 +395,9 @@ static void create_forward(ChiaroVulkan *context, Pipeline *made, uint32_t light
                                                   .pVertexAttributeDescriptions = attributes};
     ForwardConstants constants = {context->settings.component, context->settings.tone_map,
                                   (surface & SURFACE_MASKED) != 0, (lighting & FORWARD_SUN) != 0,
-                                  (lighting & FORWARD_PIECES) != 0, context->cube_edge, context->cube_format};
+                                  (lighting & FORWARD_PIECES) != 0, context->cube_edge, context->cube_format,
+                                  (surface & SURFACE_TRANSLUCENT) != 0, context->settings.uneven,
+                                  context->settings.uneven_size};
     VkSpecializationInfo specialization = {FORWARD_CONSTANTS, forward_entries, sizeof constants, &constants};
     made->layout = create_layout(context, made->arena, 4, sets,
                                  VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, sizeof(ChiaroForwardPush));

@@ -359,7 +359,7 @@ static void draw_part(ChiaroVulkan *context, VkCommandBuffer commands, const Pip
     push->flags[0] = material->albedo_texture != CHIARO_NONE;
     push->flags[1] = material->emission_texture != CHIARO_NONE;
     push->flags[2] = context->settings.without;
-    push->flags[3] = 0;
+    memcpy(&push->flags[3], material->transmission, sizeof push->flags[3]);
     vk->CmdPushConstants(commands, pipeline->layout, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, 0,
                          sizeof *push, push);
     vk->CmdDrawIndexed(commands, part->index_count, 1, part->first_index, 0, instance);

@@ -7,9 +7,12 @@
 #include <stdlib.h>
 
 #include "../core/log.h"
+#include "../core/samples.h"
 
 /* Their numbers are exact as floats (ChiaroGpuSample). */
 enum { MOST_POINTS = 1 << 24 };
+/* Of a sample, where any lets light through. */
+enum { TRANSMISSION_BYTES = 16 };
 
 static VkSamplerAddressMode address_mode(uint32_t wrap)
 {
@@ -59,7 +62,9 @@ static void describe_part(const ChiaroTransport *transport, uint32_t index, Draw
                        .number = index,
                        .material = scene->materials[coarse->material]};
     bool masked = part->material.alpha_cutoff > 0;
-    part->surface = (is_textured(&part->material) ? SURFACE_TEXTURED : 0u) | (masked ? SURFACE_MASKED : 0u);
+    bool translucent = vec3_max(chiaro_material_transmission(&part->material)) > 0;
+    part->surface = (is_textured(&part->material) ? SURFACE_TEXTURED : 0u) | (masked ? SURFACE_MASKED : 0u) |
+                    (translucent ? SURFACE_TRANSLUCENT : 0u);
     part->shadow = !masked                                           ? SHADOW_OPAQUE
                    : part->material.albedo_texture != CHIARO_NONE ? SHADOW_MASKED_TEXTURED
                                                                      : SHADOW_MASKED;
@@ -233,17 +238,20 @@ static void create_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTran
     const VkBufferUsageFlags storage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | copied;
     const VkFormat floats = VK_FORMAT_R32G32B32A32_SFLOAT;
     const uint64_t samples = transport->sample_count, nodes = transport->node_count, shown = state->irradiance_count;
+    const uint64_t transmissions = state->translucent ? samples : 0;
     LinkSizes links = {0};
     chiaro_links_lay(&transport->sample_links, &links, &state->sample_links);
     chiaro_links_lay(&transport->receiver_links, &links, &state->receiver_links);
     links.rows += shown - transport->receiver_count;
+    state->first_side = state->translucent ? (uint32_t)links.rows : 0;
+    links.rows += state->translucent ? shown : 0;
     struct {
         DeviceBuffer *buffer;
         uint64_t size;
         VkBufferUsageFlags usage;
         VkFormat format; /* of texels */
     } wanted[GI_BINDINGS] = {
-        {&state->samples, samples * sizeof(ChiaroGpuSample), texels, floats},
+        {&state->samples, samples * sizeof(ChiaroGpuSample) + transmissions * TRANSMISSION_BYTES, texels, floats},
         {&state->points, transport->point_count * sizeof(ChiaroPoint), texels, floats},
         {&state->areas, nodes * sizeof(float), texels, VK_FORMAT_R32_SFLOAT},
         {&state->sources, nodes * 2 * sizeof(uint32_t), texels, VK_FORMAT_R32G32_UINT},
@@ -315,6 +323,18 @@ static void fill_textures(ChiaroVulkan *context, const ChiaroScene *scene, const
     }
 }
 
+/* Of receivers, and of second vertices of theirs: which is the other side, and what comes through. */
+static void fill_sides(const SceneState *state, const ChiaroTransport *transport, uint32_t *sides)
+{
+    for (uint32_t r = 0; r < transport->receiver_count; r++) {
+        sides[2 * (size_t)r] = transport->receivers[r].back;
+        memcpy(sides + 2 * (size_t)r + 1, transport->receivers[r].transmission, 4);
+    }
+    for (uint32_t v = 0; state->places && v < transport->vertex_count; v++)
+        if (state->places[v] >= transport->receiver_count)
+            memcpy(sides + 2 * (size_t)state->places[v], sides + 2 * (size_t)transport->vertex_receivers[v], 8);
+}
+
 static void fill_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTransport *transport, Upload *upload)
 {
     ChiaroGpuSample *samples = chiaro_upload_buffer(context, upload, state->samples);
@@ -325,6 +345,9 @@ static void fill_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTransp
         memcpy(to.emission, from->emission, 12);
         samples[i] = to;
     }
+    float *through = (float *)(samples + transport->sample_count); /* four numbers each */
+    for (uint32_t i = 0; state->translucent && i < transport->sample_count; i++)
+        memcpy(through + 4 * (size_t)i, transport->samples[i].transmission, 12);
     float *areas = chiaro_upload_buffer(context, upload, state->areas);
     uint32_t *sources = chiaro_upload_buffer(context, upload, state->sources);
     for (uint32_t i = 0; i < transport->node_count; i++) {
@@ -346,6 +369,8 @@ static void fill_gi(ChiaroVulkan *context, SceneState *state, const ChiaroTransp
     for (uint32_t v = 0; state->places && v < transport->vertex_count; v++)
         if (state->places[v] >= transport->receiver_count)
             memcpy(rows + 2 * (size_t)state->places[v], rows + 2 * (size_t)transport->vertex_receivers[v], 8);
+    if (state->translucent)
+        fill_sides(state, transport, links.rows + 2 * (size_t)state->first_side);
 }
 
 /* Staging bytes of everything but textures. */
@@ -447,6 +472,7 @@ ChiaroResult chiaro_scene_upload(ChiaroVulkan *context, SceneState *state, const
     for (uint32_t i = 0; i < transport->sample_count; i++) {
         const float *emission = transport->samples[i].emission;
         state->emitters += emission[0] > 0 || emission[1] > 0 || emission[2] > 0;
+        state->translucent += vec3_max(vec3_load(transport->samples[i].transmission)) > 0;
     }
     result = images && state->arena ? upload_scene(context, state, transport, commands, images) : CHIARO_ERROR_MEMORY;
     chiaro_vulkan_free(context, images);

@@ -2,6 +2,7 @@
 #include "made_transport.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "../../src/core/cube.h"
 #include "../../src/core/random.h"
@@ -72,6 +73,7 @@ static void add_sample(Made *made, const ChiaroMaterial *material, const Vec3 co
     for (int i = 0; i < 3; i++) {
         sample->albedo[i] = material->albedo[i] * (1 - 0.1f * (float)i);
         sample->emission[i] = CHIARO_PI * material->emission[i];
+        sample->transmission[i] = sample->albedo[i] * ((float)material->transmission[i] / 255);
     }
     for (uint32_t i = 0; i < points; i++) {
         ChiaroPoint *point = &made->points[t->point_count++];
@@ -169,6 +171,26 @@ static void free_links(const ChiaroLinks *links)
     free((void *)(uintptr_t)links->weights);
 }
 
+/* Receivers of two sides that let light through know each other by their place. */
+static void pair_sides(Made *made, uint32_t p)
+{
+    const ChiaroTransport *t = &made->t;
+    const ChiaroPart *own = &made->parts[p], *other = &made->parts[own->twin];
+    const ChiaroMaterial *material = &t->scene.materials[own->material];
+    for (uint32_t i = own->first_index; i < own->first_index + own->index_count; i++) {
+        uint32_t a = made->indices[i];
+        for (uint32_t k = other->first_index; k < other->first_index + other->index_count; k++) {
+            uint32_t b = made->indices[k];
+            Vec3 way = vec3_sub(vec3_load(t->vertices[a].position), vec3_load(t->vertices[b].position));
+            if (made->receivers[a].back != 0 || made->receivers[b].back != 0 || vec3_length(way) > 1e-4f)
+                continue;
+            made->receivers[a].back = b, made->receivers[b].back = a;
+            memcpy(made->receivers[a].transmission, material->transmission, 3);
+            memcpy(made->receivers[b].transmission, material->transmission, 3);
+        }
+    }
+}
+
 static void allocate(Made *made, const ChiaroScene *scene, const MadeTransportDesc *desc)
 {
     ChiaroTransport *t = &made->t;
@@ -203,6 +225,9 @@ ChiaroTransport made_transport(const ChiaroScene *scene, const MadeTransportDesc
         }
         made.parts[p].index_count = t->index_count - made.parts[p].first_index;
     }
+    for (uint32_t p = 0; p < scene->part_count; p++)
+        if (scene->materials[scene->parts[p].material].transmission[0] && scene->parts[p].twin < p)
+            pair_sides(&made, p);
     t->receiver_count = t->vertex_count;
     t->sky_count = desc->sky ? CHIARO_SKY_TEXELS : 0;
     t->leaf_count = t->sample_count + t->sky_count;

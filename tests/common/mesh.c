@@ -64,6 +64,20 @@ void mesh_quad(Mesh *mesh, Vec3 a, Vec3 b, Vec3 c, Vec3 d)
     mesh_triangle(mesh, a, c, d);
 }
 
+void mesh_sheet(Mesh *mesh, float albedo, uint8_t transmission, Vec3 a, Vec3 b, Vec3 c, Vec3 d)
+{
+    uint32_t front = mesh_material(mesh, albedo, 0);
+    for (int i = 0; i < 3; i++)
+        mesh->materials[front].transmission[i] = transmission;
+    mesh_triangle(mesh, a, b, c);
+    mesh_triangle(mesh, a, c, d);
+    uint32_t back = mesh_material(mesh, albedo, 0);
+    mesh->parts[back].material = front;
+    mesh->parts[front].twin = back, mesh->parts[back].twin = front;
+    mesh_triangle(mesh, a, c, b);
+    mesh_triangle(mesh, a, d, c);
+}
+
 void mesh_box(Mesh *mesh, Vec3 l, Vec3 h)
 {
     mesh_quad(mesh, vec3(l.x, l.y, h.z), vec3(h.x, l.y, h.z), vec3(h.x, l.y, l.z), vec3(l.x, l.y, l.z)); /* floor */

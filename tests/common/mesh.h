@@ -25,6 +25,10 @@ uint32_t mesh_material(Mesh *mesh, float albedo, float emission);
 void mesh_triangle(Mesh *mesh, Vec3 a, Vec3 b, Vec3 c);
 void mesh_quad(Mesh *mesh, Vec3 a, Vec3 b, Vec3 c, Vec3 d);
 
+/* A part of a quad and a part of its other side, of one grey material that lets so much of what it scatters through, 255:
+ * all. */
+void mesh_sheet(Mesh *mesh, float albedo, uint8_t transmission, Vec3 a, Vec3 b, Vec3 c, Vec3 d);
+
 /* A box seen from inside. */
 void mesh_box(Mesh *mesh, Vec3 low, Vec3 high);
 
