@@ -1,6 +1,7 @@
 /* Error against run time of any scene: a page, a table, and the settings that fit a budget. */
 #include "common/report.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -40,6 +41,8 @@ static Report take_options(int argc, char **argv)
         options_fail(options, CHIARO_EXIT_USAGE, "-o FOLDER is missing, or too long");
     report.folder = options->output;
     report.scaling = scaling;
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++)
+        report.measured[k] = (double)NAN;
     return report;
 }
 
@@ -98,6 +101,8 @@ int main(int argc, char **argv)
         report_scene(&report, scene);
         report_write(&report);
     }
+    report_measure_claims(&report);
+    report_write(&report);
     if (report.scaling) {
         report_scaling(&report, &report.scenes[0]);
         report_write(&report);

@@ -5,6 +5,7 @@
 #include <stddef.h>
 
 #include <cmocka.h>
+#include <ctype.h>
 #include <string.h>
 
 #include "../samples/common/report_objects.h"
@@ -209,6 +210,103 @@ static void the_truth_has_objects_where_the_module_has_them_and_none_meet(void *
     free(scene);
 }
 
+/* ---- what the README says ----------------------------------------------------------------------------------------- */
+
+/* The README with single spaces. */
+static char *read_readme(void)
+{
+    ChiaroIoFile file;
+    ChiaroIoError error;
+    assert_true(chiaro_io_map("README.md", &file, &error));
+    char *text = new_array(file.size, 1), *out = text;
+    const char *in = file.data;
+    for (size_t i = 0; i < file.size; i++) {
+        bool space = isspace((unsigned char)in[i]);
+        if (!space || (out > text && out[-1] != ' '))
+            *out++ = space ? ' ' : in[i];
+    }
+    chiaro_io_unmap(&file);
+    return text;
+}
+
+/* Every claim stands there, with its key; every key there is one of a claim. */
+static void every_claim_of_the_readme_is_a_row(void **state)
+{
+    (void)state;
+    char *text = read_readme(), wanted[256];
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
+        const ReportClaim *claim = &report_claims[k];
+        snprintf(wanted, sizeof wanted, "%s [%s]", claim->says, claim->key);
+        if (!strstr(text, wanted))
+            fail_msg("the README does not say: %s", wanted);
+        assert_int_equal(isnan(claim->claimed), k == CLAIM_LAMPS);
+    }
+    for (const char *at = text; (at = strchr(at, '[')) != NULL; at++) {
+        size_t length = strspn(at + 1, "abcdefghijklmnopqrstuvwxyz-");
+        bool known = at[length + 1] != ']' || length == 0;
+        for (uint32_t k = 0; k < REPORT_CLAIMS && !known; k++)
+            known = strlen(report_claims[k].key) == length && strncmp(report_claims[k].key, at + 1, length) == 0;
+        if (!known)
+            fail_msg("no row of the report is called %.*s", (int)length + 2, at);
+    }
+    free(text);
+}
+
+/* True if what begins at `at` lies within a claim. */
+static bool is_claimed(const char *text, const char *at)
+{
+    bool inside = false;
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
+        const char *says = strstr(text, report_claims[k].says);
+        inside |= says && at >= says && at < says + strlen(report_claims[k].says);
+    }
+    return inside;
+}
+
+/* A number with a unit that is measured is no row by accident. */
+static void no_figure_of_the_readme_is_without_a_row(void **state)
+{
+    (void)state;
+    static const char *const units[] = {" %", " KiB", " MiB", " cm", " degrees", " ms", " s ", " minutes", " lines", " times"};
+    char *text = read_readme();
+    uint32_t figures = 0;
+    for (const char *at = text; *at; at++) {
+        bool begins = isdigit((unsigned char)*at) && (at == text || !isalnum((unsigned char)at[-1]));
+        const char *end = at + strspn(at, "0123456789.,");
+        for (size_t k = 0; begins && k < sizeof units / sizeof *units; k++) {
+            if (strncmp(end, units[k], strlen(units[k])) != 0)
+                continue;
+            figures++;
+            if (!is_claimed(text, at))
+                fail_msg("no row of the report says: %.60s", at);
+        }
+    }
+    assert_true(figures >= 6);
+    free(text);
+}
+
+static void claims_about_the_house_hold(void **state)
+{
+    (void)state;
+    Report *report = new_array(1, sizeof *report);
+    report->options = (SceneOptions){.program = "test", .quiet = true};
+    report->quick = true;
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++)
+        report->measured[k] = (double)NAN;
+    report_measure_claims(report);
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
+        bool of_scenes = k == CLAIM_IDLE || k == CLAIM_LAMPS;
+        printf("  %-12s claimed %6.4g, measured %8.4g\n", report_claims[k].key, report_claims[k].claimed,
+               report->measured[k]);
+        assert_int_equal(isnan(report->measured[k]), of_scenes);
+#ifndef NDEBUG
+        of_scenes |= k == CLAIM_PLUGIN; /* sizes of other configurations are nobody's */
+#endif
+        assert_true(of_scenes || report_claim_holds(&report_claims[k], report->measured[k]));
+    }
+    free(report);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -219,6 +317,9 @@ int main(void)
         cmocka_unit_test(objects_take_their_part_of_a_budget),
         cmocka_unit_test(the_truth_has_objects_where_the_module_has_them_and_none_meet),
         cmocka_unit_test(the_page_needs_nothing_else),
+        cmocka_unit_test(every_claim_of_the_readme_is_a_row),
+        cmocka_unit_test(no_figure_of_the_readme_is_without_a_row),
+        cmocka_unit_test(claims_about_the_house_hold),
     };
     return cmocka_run_group_tests(tests, make_folder, NULL);
 }

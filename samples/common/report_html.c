@@ -13,7 +13,7 @@ static const char style[] =
     ".plots,.pictures{display:flex;flex-wrap:wrap;gap:16px}figure{margin:0}figcaption{font-size:13px;color:#444}"
     ".pictures img{width:270px;image-rendering:pixelated;border:1px solid #ccc}"
     "table{border-collapse:collapse;font-size:13px;margin:.6em 0}td,th{padding:3px 8px;border-bottom:1px solid #ddd;"
-    "text-align:right}td:first-child,th:first-child{text-align:left}tr.chosen{background:#fff3d6;font-weight:600}"
+    "text-align:right}td:first-child,th:first-child,td.text{text-align:left}tr.chosen{background:#fff3d6;font-weight:600}"
     "tr.front td:first-child::after{content:' \\25c6';color:#0a7}tr.baseline{color:#666}"
     "svg text{font:11px system-ui,sans-serif;fill:#333}svg .title{font-size:13px;font-weight:600}"
     "@media print{body{max-width:none;margin:0;font-size:11px}figure,table{break-inside:avoid}h2{break-after:avoid}}";
@@ -478,6 +478,55 @@ static void put_verdict(FILE *file, const ReportScene *scene)
     fputs("</ul>\n", file);
 }
 
+static void put_lamp_table(FILE *file, const ReportScene *scene)
+{
+    static const char *const heads[] = {"one lamp elsewhere", "places", "relRMSE, median", "worst", "mean ratio"};
+    fputs("<h3>Lamps where nobody hung one</h3>\n<p>Indirect light at receivers that the lamp sees, default settings on one "
+          "core; the noise of the truth is taken off.</p>\n", file);
+    begin_table(file, heads, sizeof heads / sizeof *heads);
+    for (uint32_t k = 0; k < REPORT_LAMPS; k++) {
+        const ReportLamps *lamps = &scene->lamps[k];
+        fprintf(file, "<tr><td>%s</td>", lamps->name);
+        put_number(file, "0", lamps->count);
+        put_number(file, "4", lamps->median);
+        put_number(file, "4", lamps->worst);
+        put_number(file, "4", lamps->mean_ratio);
+        fputs("</tr>\n", file);
+    }
+    fputs("</table>\n", file);
+}
+
+/* Numbers of any size, such as a count or nothing at all. */
+static void put_any(FILE *file, double value)
+{
+    if (isfinite(value))
+        fprintf(file, "<td>%.4g</td>", value);
+    else
+        fputs("<td></td>", file);
+}
+
+static void put_claims_table(FILE *file, const Report *report)
+{
+    static const char *const heads[] = {"key", "what the README says", "claimed", "measured", "", "holds"};
+    fputs("<h2>What the README claims</h2>\n", file);
+    begin_table(file, heads, sizeof heads / sizeof *heads);
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
+        const ReportClaim *claim = &report_claims[k];
+        double measured = report->measured[k];
+        fprintf(file, "<tr><td>[%s]</td><td class=\"text\">", claim->key);
+        put_text(file, claim->says);
+        fputs("</td>", file);
+        put_any(file, claim->claimed);
+        put_any(file, measured);
+        fputs("<td class=\"text\">", file);
+        put_text(file, claim->unit);
+        fprintf(file, "</td><td>%s</td></tr>\n", !isfinite(measured)         ? "not measured here"
+                                                  : !isfinite(claim->claimed) ? ""
+                                                  : report_claim_holds(claim, measured) ? "yes" : "<b>no</b>");
+    }
+    fputs("</table>\n", file);
+}
+
 static void put_scaling_table(FILE *file, const Report *report)
 {
     fputs("<table><tr><th>cost</th><th>power</th><th>from</th><th>to</th><th></th></tr>\n", file);
@@ -524,7 +573,10 @@ void report_write_html(FILE *file, const Report *report)
             put_object_table(file, scene);
         if (scene->motion_count)
             put_motion_table(file, scene);
+        if (scene->lamps[0].name)
+            put_lamp_table(file, scene);
     }
+    put_claims_table(file, report);
     if (report->series_count) {
         fputs("<h2>How cost grows</h2>\n", file);
         put_scaling_table(file, report);

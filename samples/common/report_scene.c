@@ -266,6 +266,16 @@ static void time_lanes(Bench *bench)
     }
 }
 
+/* What an update does when nothing has changed since the last one. */
+static void run_idle(Bench *bench)
+{
+    double *measured = &bench->report->measured[CLAIM_IDLE];
+    for (int frame = 0; frame < 2; frame++)
+        report_frame(&bench->device, &bench->lanes[0].context, NULL, false);
+    ChiaroVulkanStats stats = report_stats(&bench->device, &bench->lanes[0].context);
+    *measured = fmax(isnan(*measured) ? 0 : *measured, (double)stats.dispatches + stats.tasks + (double)stats.upload_bytes);
+}
+
 /* ---- causes ------------------------------------------------------------------------------------------------------- */
 
 static void add_cause(ReportScene *scene, const char *name, double relrmse)
@@ -284,6 +294,31 @@ static ChiaroIoImage draw_on_core(const Bench *bench, const ChiaroTransport *t, 
     return picture;
 }
 
+/* The truth at receivers. */
+typedef struct Exact {
+    const ChiaroReference *reference;
+    const ChiaroReceiver *receivers;
+    uint32_t paths;
+    float *irradiance;
+    double (*squares)[2]; /* of a receiver: of its own noise, of its light */
+} Exact;
+
+static void trace_receivers(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    const Exact *exact = user;
+    (void)thread;
+    for (uint32_t r = begin; r < end; r++) {
+        const ChiaroReceiver *receiver = &exact->receivers[r];
+        ChiaroReferenceIrradiance e = chiaro_reference_irradiance(exact->reference, receiver->position, receiver->normal,
+                                                                  exact->paths, 0, r, 1);
+        for (uint32_t c = 0; c < 3; c++) {
+            exact->irradiance[3 * (size_t)r + c] = (float)e.indirect[c];
+            exact->squares[r][0] += e.error[c] * e.error[c];
+            exact->squares[r][1] += e.indirect[c] * e.indirect[c];
+        }
+    }
+}
+
 /* What each step adds: receivers with the truth at each of them; the most links there are; the links of the default; the
  * device instead of the core. */
 static void split_causes(Bench *bench, float *const *irradiance)
@@ -297,19 +332,15 @@ static void split_causes(Bench *bench, float *const *irradiance)
     report_begin(report, "error by cause", &job);
     report_must(&bench->device, chiaro_reference_create(&scene->read.scene, scene->lights, scene->light_count,
                                                 report->sky.radiance ? &report->sky : NULL, NULL, &reference));
-    float *exact = report_alloc(report, 3 * (size_t)t->receiver_count, sizeof *exact);
-    double noise = 0, size = 0;
-    for (uint32_t r = 0; r < t->receiver_count; r++) {
-        report_continue(&job, (double)r / t->receiver_count);
-        ChiaroReferenceIrradiance e = chiaro_reference_irradiance(
-            reference, t->receivers[r].position, t->receivers[r].normal, report->quick ? 256 : 1024, 0, r, 1);
-        for (uint32_t c = 0; c < 3; c++) {
-            exact[3 * r + c] = (float)e.indirect[c];
-            noise += e.error[c] * e.error[c], size += e.indirect[c] * e.indirect[c];
-        }
-    }
+    Exact exact = {reference, t->receivers, report->quick ? 256 : 1024,
+                   report_alloc(report, 3 * (size_t)t->receiver_count, sizeof(float)),
+                   report_alloc(report, t->receiver_count, sizeof *exact.squares)};
+    report_each(&job, t->receiver_count, trace_receivers, &exact);
     chiaro_reference_destroy(reference);
-    ChiaroIoImage right = draw_on_core(bench, t, exact), fitted = draw_on_core(bench, t, irradiance[0]);
+    double noise = 0, size = 0;
+    for (uint32_t r = 0; r < t->receiver_count; r++)
+        noise += exact.squares[r][0], size += exact.squares[r][1];
+    ChiaroIoImage right = draw_on_core(bench, t, exact.irradiance), fitted = draw_on_core(bench, t, irradiance[0]);
     ChiaroIoImage linked = draw_on_core(bench, &most->transport, irradiance[MOST_LINKS]);
     double step = report_differ(report, &linked, &right, NULL).relrmse, grain = size > 0 ? noise / size : 0;
     add_cause(scene, "noise of the truth", scene->noise[CHIARO_COMPONENT_INDIRECT]);
@@ -324,7 +355,8 @@ static void split_causes(Bench *bench, float *const *irradiance)
     add_cause(scene, "device against core: shadow maps, storage", report_differ(report, &device, &fitted, NULL).relrmse);
     add_cause(scene, "all of it, lights at rest",
               report_compare(report, scene, &device, CHIARO_COMPONENT_INDIRECT).relrmse);
-    free(exact);
+    free(exact.irradiance);
+    free(exact.squares);
     free(right.pixels);
     free(fitted.pixels);
     free(linked.pixels);
@@ -361,6 +393,7 @@ static void run_sweep(Bench *bench)
         }
     }
     time_lanes(bench);
+    run_idle(bench);
     split_causes(bench, irradiance);
     for (uint32_t k = 0; k < SETTINGS; k++)
         free(irradiance[k]);
@@ -395,6 +428,7 @@ void report_scene(Report *report, ReportScene *scene)
     report_baselines(report, scene, &bench.lanes[0].transport, rays);
     report_find_front(scene);
     report_write(report);
+    report_lamps(report, scene, &bench.lanes[0].transport, rays, bench.size);
     report_objects(report, scene, &bench.device, &bench.lanes[0].transport, bench.size);
     report_write(report);
     report_motion(report, scene, &bench.device, &bench.lanes[0].transport, rays, bench.size);

@@ -7,7 +7,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { SEED_STEP = 0x9e3779b9 & 0x7fffffff };
+enum { SEED_STEP = 0x9e3779b9 & 0x7fffffff, GRAIN = 16 };
 /* Of the truth's indirect light: more paths do not pay. */
 static const double NOISE = 0.02, QUICK_NOISE = 0.05;
 
@@ -39,6 +39,18 @@ void report_continue(ReportStep *step, double done)
 {
     if (!progress_tell((float)done, &step->progress))
         options_fail(&step->report->options, CHIARO_EXIT_INPUT, "%s", chiaro_result_text(CHIARO_ERROR_INTERRUPTED));
+}
+
+uint32_t report_threads(const Report *report)
+{
+    return report->options.threads > 0 ? (uint32_t)report->options.threads : chiaro_core_count();
+}
+
+void report_each(ReportStep *step, uint32_t count, ChiaroRangeFunc body, void *user)
+{
+    const SceneOptions *options = &step->report->options;
+    if (!chiaro_parallel_for(report_threads(step->report), count, GRAIN, body, user, progress_tell, &step->progress))
+        options_fail(options, CHIARO_EXIT_INPUT, "%s", chiaro_result_text(CHIARO_ERROR_INTERRUPTED));
 }
 
 double report_end(ReportStep *step)
