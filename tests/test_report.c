@@ -117,6 +117,46 @@ static void a_choice_is_for_the_scene_and_the_size_that_were_measured(void **sta
     free(scene);
 }
 
+/* How often a word stands in a file. */
+static uint32_t count_in(const char *path, const char *word)
+{
+    ChiaroIoFile file;
+    ChiaroIoError error;
+    uint32_t count = 0;
+    assert_true(chiaro_io_map(path, &file, &error));
+    char *text = new_array(file.size, 1);
+    memcpy(text, file.data, file.size);
+    for (const char *at = text; (at = strstr(at, word)) != NULL; at++)
+        count++;
+    chiaro_io_unmap(&file);
+    free(text);
+    return count;
+}
+
+static void every_file_has_every_row(void **state)
+{
+    (void)state;
+    ReportScene *scene = new_array(1, sizeof *scene);
+    Report report = made_report(scene);
+    scene->lamps[0] = (ReportLamps){.name = "a lamp", .count = 3, .median = 0.1, .worst = 0.2, .mean_ratio = 1};
+    report.measured[CLAIM_PLUGIN] = 123.456;
+    report_write(&report);
+    uint32_t rows = scene->point_count + 2 + REPORT_CLAIMS;
+    assert_int_equal(count_in(FOLDER "/report.csv", "\n"), 1 + rows);
+    assert_int_equal(count_in(FOLDER "/report.json", "\"group\""), rows);
+    assert_int_equal(count_in(FOLDER "/report.csv", "a lamp, worst of 3"), 1);
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
+        char row[REPORT_TEXT], shown[REPORT_TEXT];
+        snprintf(row, sizeof row, "\"claim\",\"%s\"", report_claims[k].key);
+        snprintf(shown, sizeof shown, "<td>[%s]</td>", report_claims[k].key);
+        assert_int_equal(count_in(FOLDER "/report.csv", row), 1);
+        assert_int_equal(count_in(FOLDER "/index.html", shown), 1);
+    }
+    assert_int_equal(count_in(FOLDER "/report.csv", ",280,123.456\n"), 1);
+    assert_int_equal(count_in(FOLDER "/index.html", "<td>123.5</td>"), 1);
+    free(scene);
+}
+
 static void objects_take_their_part_of_a_budget(void **state)
 {
     (void)state;
@@ -314,6 +354,7 @@ int main(void)
         cmocka_unit_test(a_power_is_found),
         cmocka_unit_test(the_choice_is_read_back_from_the_file),
         cmocka_unit_test(a_choice_is_for_the_scene_and_the_size_that_were_measured),
+        cmocka_unit_test(every_file_has_every_row),
         cmocka_unit_test(objects_take_their_part_of_a_budget),
         cmocka_unit_test(the_truth_has_objects_where_the_module_has_them_and_none_meet),
         cmocka_unit_test(the_page_needs_nothing_else),

@@ -101,6 +101,7 @@ typedef struct ReportScene {
     ReportPoint objects[REPORT_POINTS]; /* settings for objects, and last of them what costs nothing */
     ReportPoint motion[REPORT_SPEEDS * REPORT_BUDGETS];
     double moment_noise, motion_noise;     /* of their truths, at most */
+    double object_noise;                   /* of the pixels that show an object, at most */
     ReportSeries budgets[REPORT_SPEEDS];   /* error against the part of all work that a frame may do, for each speed */
     ReportSeries frames[REPORT_BUDGETS];   /* error frame by frame, at the greatest speed */
     ReportLamps lamps[REPORT_LAMPS];
@@ -147,6 +148,7 @@ typedef struct ReportView {
     const char *name; /* NULL: part of a longer step */
     uint32_t width, height, spp;
     uint32_t passes; /* of so many paths, at most, until there is little noise */
+    uint32_t half;   /* 1, 2: of two that are independent, with half the paths each; their mean has little noise */
 } ReportView;
 void report_trace(const Report *report, const ReportScene *scene, const ChiaroScene *what, const ChiaroLight *lights,
                   const ReportView *view, ChiaroReferenceImages *images);

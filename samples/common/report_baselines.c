@@ -24,7 +24,8 @@ static ReportPoint *add_baseline(Report *report, ReportScene *scene, const Chiar
     const ChiaroIoImage *truth = scene->truth;
     ReportPoint *point = report_add_point(report, scene, "baseline", name);
     ChiaroIoImage picture;
-    if (!picture_draw(t, &scene->camera, truth->width, truth->height, irradiance, &picture))
+    const PictureView view = {&scene->camera, truth->width, truth->height};
+    if (!picture_draw(t, &view, irradiance, &picture))
         options_fail(&report->options, CHIARO_EXIT_INPUT, "out of memory");
     if (scaled)
         metrics_scale_best(&truth[CHIARO_COMPONENT_INDIRECT], &picture);

@@ -15,7 +15,7 @@ static const char style[] =
     "table{border-collapse:collapse;font-size:13px;margin:.6em 0}td,th{padding:3px 8px;border-bottom:1px solid #ddd;"
     "text-align:right}td:first-child,th:first-child,td.text{text-align:left}tr.chosen{background:#fff3d6;font-weight:600}"
     "tr.front td:first-child::after{content:' \\25c6';color:#0a7}tr.baseline{color:#666}"
-    "svg text{font:11px system-ui,sans-serif;fill:#333}svg .title{font-size:13px;font-weight:600}"
+    "svg text{font:11px system-ui,sans-serif;fill:#333;stroke:#fff;stroke-width:3px;paint-order:stroke}svg .title{font-size:13px;font-weight:600}"
     "@media print{body{max-width:none;margin:0;font-size:11px}figure,table{break-inside:avoid}h2{break-after:avoid}}";
 
 /* Text of other people's, such as names of files. */
@@ -179,6 +179,9 @@ static void plot_series(FILE *file, const ReportSeries *series, uint32_t series_
         for (uint32_t k = 0; k < one->count; k++)
             fprintf(file, "%c%.1f %.1f", k ? 'L' : 'M', place(&plot, 0, one->x[k]), place(&plot, 1, one->y[k]));
         fputs("\"/>", file);
+    }
+    for (uint32_t s = 0; s < series_count; s++) {
+        const ReportSeries *one = &series[s];
         /* Short curves have a number at every point, long ones their name at the end. */
         for (uint32_t k = 0; k < one->count; k++) {
             char label[2 * REPORT_TEXT];
@@ -468,12 +471,13 @@ static void put_verdict(FILE *file, const ReportScene *scene)
                 time_of(scene, literal, false) / time_of(scene, cheapest, false));
     if (scene->object_count) {
         const ReportPoint *first = &scene->objects[0], *constant = &scene->objects[scene->object_count - 1];
-        noise = scene->moment_noise;
-        fprintf(file, "<li>While objects move: %.4f (noise %.4f), and %.4f where an object is seen; the best constant of the "
-                      "moment: <b>%.1f times</b> as much without that noise, and <b>%.1f times</b>.</li>",
-                first->indirect.relrmse, noise, first->objects.relrmse,
-                without_noise(constant->indirect.relrmse, noise) / without_noise(first->indirect.relrmse, noise),
-                constant->objects.relrmse / first->objects.relrmse);
+        fprintf(file, "<li>While objects move: %.4f (noise %.4f), and %.4f (noise %.4f) where an object is seen; the best "
+                      "constant of the moment: <b>%.1f times</b> as much without that noise, and <b>%.1f times</b>.</li>",
+                first->indirect.relrmse, scene->moment_noise, first->objects.relrmse, scene->object_noise,
+                without_noise(constant->indirect.relrmse, scene->moment_noise) /
+                    without_noise(first->indirect.relrmse, scene->moment_noise),
+                without_noise(constant->objects.relrmse, scene->object_noise) /
+                    without_noise(first->objects.relrmse, scene->object_noise));
     }
     fputs("</ul>\n", file);
 }

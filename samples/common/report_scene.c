@@ -127,8 +127,8 @@ void report_add_error_picture(const Report *report, ReportScene *scene, const Ch
 static void make_truth(const Report *report, ReportScene *scene)
 {
     ChiaroReferenceImages images;
-    const ReportView view = {"truth", report->options.width, report->options.height, report->quick ? 256 : 1024,
-                             REPORT_PASSES};
+    const ReportView view = {.name = "truth", .width = report->options.width, .height = report->options.height,
+                             .spp = report->quick ? 256 : 1024, .passes = REPORT_PASSES};
     report_trace(report, scene, &scene->read.scene, scene->lights, &view, &images);
     for (int c = 0; c < CHIARO_COMPONENT_COUNT; c++) {
         size_t floats = 4 * (size_t)report->options.width * report->options.height;
@@ -285,20 +285,26 @@ static void add_cause(ReportScene *scene, const char *name, double relrmse)
     cause->relrmse = relrmse;
 }
 
+static PictureView view_of(const Bench *bench)
+{
+    return (PictureView){&bench->scene->camera, bench->report->options.width, bench->report->options.height};
+}
+
 static ChiaroIoImage draw_on_core(const Bench *bench, const ChiaroTransport *t, const float *irradiance)
 {
+    const PictureView view = view_of(bench);
     ChiaroIoImage picture;
-    if (!picture_draw(t, &bench->scene->camera, bench->report->options.width, bench->report->options.height, irradiance,
-                      &picture))
+    if (!picture_draw(t, &view, irradiance, &picture))
         options_fail(&bench->report->options, CHIARO_EXIT_INPUT, "out of memory");
     return picture;
 }
 
-/* The truth at receivers. */
+/* The truth at receivers that are seen. */
 typedef struct Exact {
     const ChiaroReference *reference;
     const ChiaroReceiver *receivers;
     uint32_t paths;
+    bool *seen;
     float *irradiance;
     double (*squares)[2]; /* of a receiver: of its own noise, of its light */
 } Exact;
@@ -309,6 +315,8 @@ static void trace_receivers(uint32_t begin, uint32_t end, uint32_t thread, void 
     (void)thread;
     for (uint32_t r = begin; r < end; r++) {
         const ChiaroReceiver *receiver = &exact->receivers[r];
+        if (!exact->seen[r])
+            continue;
         ChiaroReferenceIrradiance e = chiaro_reference_irradiance(exact->reference, receiver->position, receiver->normal,
                                                                   exact->paths, 0, r, 1);
         for (uint32_t c = 0; c < 3; c++) {
@@ -332,9 +340,13 @@ static void split_causes(Bench *bench, float *const *irradiance)
     report_begin(report, "error by cause", &job);
     report_must(&bench->device, chiaro_reference_create(&scene->read.scene, scene->lights, scene->light_count,
                                                 report->sky.radiance ? &report->sky : NULL, NULL, &reference));
+    const PictureView view = view_of(bench);
     Exact exact = {reference, t->receivers, report->quick ? 256 : 1024,
+                   report_alloc(report, t->receiver_count, sizeof *exact.seen),
                    report_alloc(report, 3 * (size_t)t->receiver_count, sizeof(float)),
                    report_alloc(report, t->receiver_count, sizeof *exact.squares)};
+    if (!picture_receivers(t, &view, exact.seen))
+        options_fail(&report->options, CHIARO_EXIT_INPUT, "out of memory");
     report_each(&job, t->receiver_count, trace_receivers, &exact);
     chiaro_reference_destroy(reference);
     double noise = 0, size = 0;
@@ -355,6 +367,7 @@ static void split_causes(Bench *bench, float *const *irradiance)
     add_cause(scene, "device against core: shadow maps, storage", report_differ(report, &device, &fitted, NULL).relrmse);
     add_cause(scene, "all of it, lights at rest",
               report_compare(report, scene, &device, CHIARO_COMPONENT_INDIRECT).relrmse);
+    free(exact.seen);
     free(exact.irradiance);
     free(exact.squares);
     free(right.pixels);
