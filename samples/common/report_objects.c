@@ -292,7 +292,7 @@ static void run_turns(Bench *bench, const ChiaroTransport *t, uint32_t first, ui
         open_lane(bench, t, &settings[k], add_point(scene, settings[k].name), &bench->lanes[bench->lane_count++]);
     for (uint32_t frame = 0; frame < MOMENTS * bench->interval; frame++) {
         for (uint32_t k = 0; k < bench->lane_count; k++)
-            run_frame(bench, frame, &bench->lanes[k]);
+            run_frame(bench, frame, &bench->lanes[(frame + k) % bench->lane_count]); /* nobody is always the first */
         report_continue(step, (double)first / SETTINGS);
     }
     for (uint32_t k = 0; k < bench->lane_count; k++) {

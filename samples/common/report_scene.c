@@ -250,7 +250,7 @@ static void time_lanes(Bench *bench)
         for (uint32_t i = 0; i < scene->light_count; i++)
             circle_move(&bench->moved[i], TIMED_CIRCLE * bench->size, 2 * CHIARO_PI * (float)f / FRAMES_A_TURN);
         for (uint32_t l = 0; l < bench->lane_count; l++) {
-            Lane *lane = &bench->lanes[l];
+            Lane *lane = &bench->lanes[(f + l) % bench->lane_count]; /* nobody is always the first */
             set_lights(bench, lane, bench->moved);
             ReportFrame frame = report_frame(&bench->device, &lane->context, NULL, false);
             if (f >= WARM_UP)
