@@ -1,4 +1,5 @@
 /* Error against run time of any scene: a page, a table, and the settings that fit a budget. */
+#include "common/json.h"
 #include "common/report.h"
 
 #include <math.h>
@@ -71,6 +72,30 @@ static void suggest(const Report *report)
     }
 }
 
+/* Where the files are, and what of the README does not hold here. */
+static void tell(const Report *report)
+{
+    uint32_t broken = 0;
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
+        double claimed = report_claims[k].claimed, measured = report->measured[k];
+        if (!isfinite(claimed) || !isfinite(measured) || report_claim_holds(&report_claims[k], measured))
+            continue;
+        broken++;
+        if (!report->options.json)
+            printf("does not hold here: %s [%s]: %.4g\n", report_claims[k].says, report_claims[k].key, measured);
+    }
+    if (!report->options.json) {
+        printf("%s/index.html\n", report->folder);
+        return;
+    }
+    Json json = json_begin(stdout);
+    json_text(&json, "folder", report->folder);
+    json_text(&json, "device", report->device);
+    json_number(&json, "scenes", report->scene_count);
+    json_number(&json, "claims_broken", broken);
+    json_end(&json);
+}
+
 static void release(Report *report)
 {
     for (uint32_t s = 0; s < report->scene_count; s++) {
@@ -107,10 +132,10 @@ int main(int argc, char **argv)
         report_scaling(&report, &report.scenes[0]);
         report_write(&report);
     }
-    if (report.suggest_ms > 0)
+    if (report.suggest_ms > 0 && !report.options.json)
         suggest(&report);
-    if (!report.options.quiet && report.suggest_ms == 0)
-        printf("%s/index.html\n", report.folder);
+    if (report.options.json || (!report.options.quiet && report.suggest_ms == 0))
+        tell(&report);
     release(&report);
     progress_end(&heard);
     return CHIARO_EXIT_OK;
