@@ -184,8 +184,8 @@ void chiaro_bake_tree_sum(const Baker *baker, float *table, uint32_t columns);
  * more than a dim one, and a lamp against a wall, nearly all of whose light is one spot, no more than one in the open. A
  * light that reaches no surface (a sky from below the ground) teaches nothing: 0. direct: [leaf][column]; irradiance:
  * [sample][column]. */
-ChiaroResult chiaro_bake_column_scales(const Baker *baker, const float *direct, const float *irradiance, uint32_t columns,
-                                       float *scale);
+void chiaro_bake_column_scales(const Baker *baker, const float *direct, const float *irradiance, uint32_t columns,
+                               float *scale);
 
 /* --- links.c --- */
 /* What the sample links make of direct light, at every sample. direct: [node][column]; channel: of each column;

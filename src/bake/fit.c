@@ -38,7 +38,7 @@ static const double FREEDOM_OF_MEAN = 0.5;
 /* The first cut is this much finer than the one that is left. */
 static const double FINER = 1.5;
 /* What a block may spend on patterns: the square of their number, in K; at most, and at least as a part of that. */
-static const double PATTERNS = 4.5, FEWEST_PATTERNS = 1.0 / 9;
+static const double PATTERNS = 4.5, FEWEST_PATTERNS = 1.0 / 4;
 /* Where few training lights share in a block's light, few patterns can be told from chance: this many lights for each unit
  * of PATTERNS, of which there is one at least. */
 static const double LIGHTS_A_PATTERN = 50, LEAST_PATTERNS = 1;
@@ -506,55 +506,18 @@ static uint32_t node_room(const FitScratch *s, uint32_t rank)
     return (uint32_t)fmin(CHIARO_BLOCK_NODES, fmax(fmin(s->links, LEAST_NODES), each));
 }
 
-static void load_nodes(FitScratch *s, const uint32_t *nodes, uint32_t n)
-{
-    for (uint32_t i = 0; i < n; i++)
-        chiaro_columns_load(&s->columns, s->task.feature, nodes[i], 0, s->columns.width,
-                            s->light + (size_t)i * s->columns.width);
-}
-
-/* Many patterns and few nodes, or the other way round: a fine cut is thinned out to what each number of patterns leaves room
- * for, and what is left of its fit says which is best. Returns the number of nodes. */
-static uint32_t thin_out(FitScratch *s, uint32_t least, uint32_t *rank, uint32_t *nodes, uint32_t n)
-{
-    Prune *prune = &s->prune;
-    uint32_t count = 0, most = *rank;
-    double best = -INFINITY;
-    load_nodes(s, nodes, n);
-    memcpy(prune->nodes, nodes, n * sizeof *nodes);
-    memset(prune->gain, 0, sizeof prune->gain);
-    prune->count = n, prune->rank = most;
-    for (uint32_t c = 0; c < s->task.channels; c++) {
-        collect_prior(s, c, most, nodes, n);
-        normal_equations(s, c, most, nodes, n);
-        chiaro_prune_set(prune, c, s->system, s->right);
-        for (size_t k = 0; k < (size_t)most * n; k++) /* the pull toward the form factors is no error */
-            prune->gain[k / n] -= s->prior[k] * s->prior[k] * s->ridge[k % n];
-    }
-    for (uint32_t few = least; few <= most; few++) {
-        double gain = 0;
-        chiaro_prune(prune, node_room(s, few));
-        for (uint32_t p = 0; p < few; p++)
-            gain += prune->gain[p];
-        if (gain > best) {
-            best = gain, *rank = few, count = prune->count;
-            memcpy(nodes, prune->nodes, count * sizeof *nodes);
-        }
-    }
-    return count;
-}
-
-/* Moves the weights, at the least cost to the fit, so that the uniform sky and the uniform field come out exactly. */
-static void keep_energy(FitScratch *s, uint32_t channel, uint32_t rank, const uint32_t *nodes, uint32_t n)
+/* Moves the weights, at the least cost to the fit, so that the uniform sky and the uniform field come out exactly. Returns
+ * that cost. */
+static double keep_energy(FitScratch *s, uint32_t channel, uint32_t rank)
 {
     const Baker *baker = s->task.baker;
-    uint32_t rows = s->count, held = 0;
-    double *direction[MOST_FIXED] = {s->ridge, s->own_gram};
+    uint32_t rows = s->count, n = s->prune.count, held = 0;
+    double *direction[MOST_FIXED] = {s->ridge, s->own_gram}, cost = 0;
     for (uint32_t u = baker->sky_count ? 0 : 1; u < MOST_FIXED; u++) {
         double *bound = s->bound[held], *move = direction[held], along = 0;
         for (uint32_t i = 0; i < n; i++)
-            bound[i] = move[i] = s->task.feature[(size_t)nodes[i] * baker->columns + uniform_column(s, u) + channel];
-        chiaro_cholesky_solve(s->system, n, move);
+            bound[i] = s->task.feature[(size_t)s->prune.nodes[i] * baker->columns + uniform_column(s, u) + channel];
+        chiaro_prune_solve(&s->prune, channel, bound, move);
         for (uint32_t k = 0; k < held; k++) { /* what was kept stays kept */
             double off = 0, size = 0;
             for (uint32_t i = 0; i < n; i++)
@@ -574,61 +537,82 @@ static void keep_energy(FitScratch *s, uint32_t channel, uint32_t rank, const ui
                 lost -= weights[i] * bound[i];
             for (uint32_t i = 0; i < n; i++)
                 weights[i] += lost / along * move[i];
+            cost += lost * lost / along;
         }
         held++;
     }
+    return cost;
 }
 
-/* Squared error over the training lights and the loose light: what the patterns cannot say, and what the weights miss. */
-static void measure_error(FitScratch *s, const Fitter *fitter, double error[2])
+/* Takes over what pruning has left, for the first `rank` patterns. Returns what keeping their energy costs. */
+static double take_weights(FitScratch *s, FitBlock *done, uint32_t rank)
 {
-    uint32_t rank = fitter->done.block.rank, n = fitter->done.block.node_count;
-    const float *energy = s->task.energy;
-    size_t all_rows = s->rows->count, width = s->columns.width;
-    for (uint32_t r = s->first; r < s->first + s->count; r++)
-        error[0] += s->gram[r * all_rows + r], error[1] += s->gram[r * all_rows + r];
-    for (uint32_t p = 0; p < rank; p++) {
-        float *wanted = s->wanted + p * width;
-        error[0] -= chiaro_dot(wanted, wanted, width);
-        for (uint32_t c = 0; c < s->task.channels; c++) {
+    const Prune *prune = &s->prune;
+    uint32_t n = prune->count;
+    double cost = 0;
+    done->block.rank = rank, done->block.node_count = n;
+    memcpy(done->nodes, prune->nodes, n * sizeof *done->nodes);
+    for (uint32_t c = 0; c < s->task.channels; c++) {
+        for (uint32_t p = 0; p < rank; p++) {
             for (uint32_t i = 0; i < n; i++)
-                chiaro_axpy(wanted + s->columns.begin[c], -fitter->done.weights[((size_t)c * rank + p) * n + i],
-                            s->light + i * width + s->columns.begin[c], s->columns.begin[c + 1] - s->columns.begin[c]);
+                s->right[(size_t)p * n + i] = prune->weights[c][(size_t)i * prune->rank + p];
         }
-        error[0] += chiaro_dot(wanted, wanted, width);
-        /* The loose light that the pattern wants adds to what it cannot say once and leaves again; this is what remains. */
-        for (uint32_t i = 0; i < n && s->loose > 0; i++) {
-            double weight = fitter->done.weights[(size_t)p * n + i];
-            error[0] += weight * (weight * s->loose * energy[fitter->done.nodes[i]] - 2 * s->pull[(size_t)p * n + i]);
-        }
+        cost += keep_energy(s, c, rank);
+        for (size_t k = 0; k < (size_t)rank * n; k++)
+            done->weights[(size_t)c * rank * n + k] = (float)s->right[k];
     }
+    return cost;
 }
 
-/* Makes the block at hand, of at least `least` and at most `rank` patterns. */
+/* Weights of a cut of prune->count nodes for prune->rank patterns. Many patterns and few nodes, or the other way round: the
+ * cut is thinned out to what each number of patterns leaves room for, and what is left of its fit says which is best. Returns
+ * how much of the light, squared, the best one has. */
+static double fit_weights(FitScratch *s, FitBlock *done, uint32_t least)
+{
+    Prune *prune = &s->prune;
+    uint32_t most = prune->rank, n = prune->count;
+    double best = -INFINITY, cost = 0;
+    for (uint32_t i = 0; i < n; i++)
+        chiaro_columns_load(&s->columns, s->task.feature, prune->nodes[i], 0, s->columns.width,
+                            s->light + (size_t)i * s->columns.width);
+    memset(prune->gain, 0, sizeof prune->gain);
+    for (uint32_t c = 0; c < s->task.channels; c++) {
+        collect_prior(s, c, most, prune->nodes, n);
+        normal_equations(s, c, most, prune->nodes, n);
+        chiaro_prune_set(prune, c, s->system, s->right);
+        for (size_t k = 0; k < (size_t)most * n; k++) /* the pull toward the form factors is no error */
+            prune->gain[k / n] -= s->prior[k] * s->prior[k] * s->ridge[k % n];
+    }
+    for (uint32_t few = least; few <= most; few++) {
+        double gain = 0;
+        chiaro_prune(prune, node_room(s, few));
+        for (uint32_t p = 0; p < few; p++)
+            gain += prune->gain[p];
+        if (gain > best)
+            best = gain, cost = take_weights(s, done, few);
+    }
+    return best - cost;
+}
+
+/* Makes the block at hand, of at least `least` and at most `rank` patterns. `error`: its squared error over the training
+ * lights and the loose light, and these; what weights are pulled toward form factors counts as an error. */
 static void fit_block(Fitter *fitter, uint32_t least, uint32_t rank, uint64_t seed, double error[2])
 {
     FitScratch *s = fitter->scratch;
+    Prune *prune = &s->prune;
+    FitBlock *done = &fitter->done;
+    done->block = (ChiaroBlock){.first_row = s->first, .row_count = s->count, .channels = s->task.channels};
+    for (uint32_t r = s->first; r < s->first + s->count; r++)
+        error[0] += s->gram[(size_t)r * s->rows->count + r], error[1] += s->gram[(size_t)r * s->rows->count + r];
     collect_wanted(s, rank);
     collect_form(s, rank);
-    uint32_t fine = (uint32_t)fmin(FINER * node_room(s, least), CHIARO_BLOCK_NODES);
-    uint32_t n = rank ? make_cut(s, rank, fine, seed, fitter->done.nodes) : 0;
-    n = n ? thin_out(s, least, &rank, fitter->done.nodes, n) : 0;
-    load_nodes(s, fitter->done.nodes, n);
-    fitter->done.block = (ChiaroBlock){.first_row = s->first, .row_count = s->count, .node_count = n, .rank = rank,
-                                  .channels = s->task.channels};
-    for (uint32_t c = 0; c < s->task.channels && n > 0; c++) {
-        collect_prior(s, c, rank, fitter->done.nodes, n);
-        normal_equations(s, c, rank, fitter->done.nodes, n);
-        chiaro_cholesky(s->system, n);
-        for (uint32_t p = 0; p < rank; p++)
-            chiaro_cholesky_solve(s->system, n, s->right + (size_t)p * n);
-        keep_energy(s, c, rank, fitter->done.nodes, n);
-        for (size_t k = 0; k < (size_t)rank * n; k++)
-            fitter->done.weights[(size_t)c * rank * n + k] = (float)s->right[k];
-    }
-    for (size_t k = 0; k < (size_t)rank * s->count; k++)
-        fitter->done.shares[k] = (float)s->pattern[k];
-    measure_error(s, fitter, error);
+    prune->rank = rank;
+    prune->count = rank ? make_cut(s, rank, (uint32_t)fmin(FINER * node_room(s, least), CHIARO_BLOCK_NODES), seed, prune->nodes)
+                        : 0;
+    if (prune->count)
+        error[0] -= fit_weights(s, done, least);
+    for (size_t k = 0; k < (size_t)done->block.rank * s->count; k++)
+        done->shares[k] = (float)s->pattern[k];
 }
 
 /* What rows count, in the mean: detail that is finer than it need be for its light pays for fewer links. */

@@ -7,15 +7,7 @@
 enum { LANES = CHIARO_LANES / 2 };
 typedef float Lanes __attribute__((vector_size(LANES * sizeof(float))));
 
-/* Clang 14 does not export the dispatcher that target_clones makes, and ThreadSanitizer is not there yet when it runs;
- * the baseline has to do. */
-#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
-#define WIDE __attribute__((target_clones("avx2", "default")))
-#else
-#define WIDE
-#endif
-
-WIDE float chiaro_dot(const float *a, const float *b, size_t n)
+CHIARO_WIDE float chiaro_dot(const float *a, const float *b, size_t n)
 {
     float lane[CHIARO_LANES] = {0};
     for (size_t i = 0; i < n; i += CHIARO_LANES) {
@@ -29,14 +21,14 @@ WIDE float chiaro_dot(const float *a, const float *b, size_t n)
     return lane[0];
 }
 
-WIDE void chiaro_axpy(float *restrict y, float s, const float *restrict x, size_t n)
+CHIARO_WIDE void chiaro_axpy(float *restrict y, float s, const float *restrict x, size_t n)
 {
     for (size_t i = 0; i < n; i++)
         y[i] += s * x[i];
 }
 
 /* Two rows times four at a time: each number that is loaded is used several times. */
-WIDE static void products(const float *a, const float *b, size_t stride, size_t n, float out[2][4])
+CHIARO_WIDE static void products(const float *a, const float *b, size_t stride, size_t n, float out[2][4])
 {
     Lanes sum[2][4] = {{{0}}};
     for (size_t i = 0; i < n; i += LANES) {
@@ -74,20 +66,20 @@ void chiaro_gram(const float *rows, size_t count, size_t stride, size_t n, doubl
     }
 }
 
-WIDE void chiaro_axpy_double(double *restrict y, double s, const double *restrict x, size_t n)
+CHIARO_WIDE void chiaro_axpy_double(double *restrict y, double s, const double *restrict x, size_t n)
 {
     for (size_t i = 0; i < n; i++)
         y[i] += s * x[i];
 }
 
-WIDE void chiaro_axpy_panel(double *restrict y, const double s[CHIARO_PANEL], const double *x, size_t stride, size_t n)
+CHIARO_WIDE void chiaro_axpy_panel(double *restrict y, const double s[CHIARO_PANEL], const double *x, size_t stride, size_t n)
 {
     const double *a = x, *b = x + stride, *c = x + 2 * stride, *d = x + 3 * stride;
     for (size_t i = 0; i < n; i++)
         y[i] += (s[0] * a[i] + s[1] * b[i]) + (s[2] * c[i] + s[3] * d[i]);
 }
 
-WIDE double chiaro_dot_double(const double *a, const double *b, size_t n)
+CHIARO_WIDE double chiaro_dot_double(const double *a, const double *b, size_t n)
 {
     double lane[LANES] = {0};
     size_t i = 0;
@@ -100,7 +92,7 @@ WIDE double chiaro_dot_double(const double *a, const double *b, size_t n)
     return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
 }
 
-WIDE void chiaro_pick(const float *row, const uint32_t *columns, const float *scale, size_t n, float *out)
+CHIARO_WIDE void chiaro_pick(const float *row, const uint32_t *columns, const float *scale, size_t n, float *out)
 {
     for (size_t i = 0; i < n; i++)
         out[i] = row[columns[i]] * scale[i];

@@ -7,6 +7,14 @@
 
 enum { CHIARO_LANES = 16, CHIARO_PANEL = 4 };
 
+/* A function that is made once more for wide vectors, of which it takes what the processor has. Clang 14 does not export the
+ * dispatcher that target_clones makes, and ThreadSanitizer is not there yet when it runs; the baseline has to do. */
+#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
+#define CHIARO_WIDE __attribute__((target_clones("avx2", "default")))
+#else
+#define CHIARO_WIDE
+#endif
+
 /* Sum of a[i] * b[i]; n is a multiple of CHIARO_LANES. */
 float chiaro_dot(const float *a, const float *b, size_t n);
 /* The same in double precision; any n. */

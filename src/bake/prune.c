@@ -122,6 +122,17 @@ void chiaro_prune_set(Prune *prune, uint32_t channel, const double *system, cons
     }
 }
 
+void chiaro_prune_solve(const Prune *prune, uint32_t channel, const double *right, double *out)
+{
+    uint32_t n = prune->count;
+    memset(out, 0, n * sizeof *out);
+    for (uint32_t i = 0; i < n; i++) {
+        const double *row = prune->inverse[channel] + (size_t)i * prune->capacity;
+        out[i] += row[i] * right[i] + chiaro_dot_double(row, right, i);
+        chiaro_axpy_double(out, right[i], row, i);
+    }
+}
+
 /* A step: node i and its sibling j become one, or, with j = CHIARO_NONE, node i goes. */
 typedef struct Step {
     uint32_t i, j;

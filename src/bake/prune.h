@@ -26,6 +26,9 @@ void chiaro_prune_destroy(Prune *prune);
  * as [pattern][node]; adds to prune->gain. */
 void chiaro_prune_set(Prune *prune, uint32_t channel, const double *system, const double *right);
 
+/* The solution of one channel's problem for another right side. */
+void chiaro_prune_solve(const Prune *prune, uint32_t channel, const double *right, double *out);
+
 /* Thins prune->nodes out to at most `most`; may be called again with fewer. */
 void chiaro_prune(Prune *prune, uint32_t most);
 

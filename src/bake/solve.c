@@ -18,6 +18,8 @@
 #include <string.h>
 
 enum { CLUSTERS = 256, MOST_CLUSTERS = 1024, BLOCK = CHIARO_COLUMN_BLOCK, MAX_SWEEPS = 40, KEPT = 12 };
+enum { LANES = 4, VECTORS = BLOCK / LANES }; /* the columns of a block go side by side */
+typedef double Lanes __attribute__((vector_size(LANES * sizeof(double))));
 /* Common share of what two halves of a node see, from which on they count as one place. */
 static const double ONE_PLACE = 0.1;
 static const double TOLERANCE = 1e-4;
@@ -140,11 +142,21 @@ static ChiaroResult coarse_inverse(Baker *baker)
     return result;
 }
 
+/* What a block of columns is solved with. Memory of steps that are not needed is never touched, so it costs nothing. */
+typedef struct Columns {
+    double *memory;
+    double *total;                     /* B, of all leaves */
+    double *residual;                  /* x + rho F B - B */
+    double *step[KEPT], *image[KEPT];  /* the last steps, and how each changes the residual */
+    double image_size[KEPT][BLOCK];    /* squares of the images, added up */
+    double *mean;                      /* of clusters */
+} Columns;
+
 typedef struct Solve {
     Baker *baker;
     float *irradiance; /* samples x columns: F B */
     uint32_t *sweeps;  /* of each block */
-    bool failed;
+    Columns *scratch;  /* of each thread */
 } Solve;
 
 /* Makes a step of a residual: cluster by cluster, adds what the coarse solution says beyond the residual's own mean. */
@@ -179,13 +191,18 @@ static void correct_coarsely(const Baker *baker, uint32_t first, double *residua
 }
 
 /* image = F values; leaves from `end` on are dark. */
-static void gather(const Baker *baker, const double *values, uint32_t end, double *image)
+CHIARO_WIDE static void gather(const Baker *baker, const double *values, uint32_t end, double *image)
 {
     for (uint32_t s = 0; s < baker->sample_count; s++) {
-        double *sum = image + (size_t)s * BLOCK;
-        memset(sum, 0, BLOCK * sizeof *sum);
-        for (size_t e = baker->row_first[s]; e < baker->row_first[s + 1] && baker->rows[e].node < end; e++)
-            chiaro_axpy_double(sum, (double)baker->rows[e].weight, values + (size_t)baker->rows[e].node * BLOCK, BLOCK);
+        Lanes sum[VECTORS] = {{0}}, value;
+        for (size_t e = baker->row_first[s]; e < baker->row_first[s + 1] && baker->rows[e].node < end; e++) {
+            const double *from = values + (size_t)baker->rows[e].node * BLOCK, weight = (double)baker->rows[e].weight;
+            for (size_t k = 0; k < VECTORS; k++) {
+                memcpy(&value, from + k * LANES, sizeof value);
+                sum[k] += weight * value;
+            }
+        }
+        memcpy(image + (size_t)s * BLOCK, sum, sizeof sum);
     }
 }
 
@@ -205,43 +222,61 @@ static void apply(const Baker *baker, uint32_t first, const double *step, double
 }
 
 /* Sums of a[s] * b[s], column by column. */
-static void dots(const double *a, const double *b, size_t count, double sum[BLOCK])
+CHIARO_WIDE static void dots(const double *a, const double *b, size_t count, double sums[BLOCK])
 {
-    memset(sum, 0, BLOCK * sizeof *sum);
+    Lanes sum[VECTORS] = {{0}}, x, y;
     for (size_t i = 0; i < count; i += BLOCK) {
-        for (uint32_t k = 0; k < BLOCK; k++)
-            sum[k] += a[i + k] * b[i + k];
+        for (size_t k = 0; k < VECTORS; k++) {
+            memcpy(&x, a + i + k * LANES, sizeof x);
+            memcpy(&y, b + i + k * LANES, sizeof y);
+            sum[k] += x * y;
+        }
+    }
+    memcpy(sums, sum, sizeof sum);
+}
+
+/* a[s] += scale * b[s], column by column; then sums of a[s] * c[s], where c may be a. */
+CHIARO_WIDE static void add_dots(double *a, const double scale[BLOCK], const double *b, const double *c, size_t count,
+                                 double sums[BLOCK])
+{
+    Lanes sum[VECTORS] = {{0}}, x, y, factor;
+    for (size_t i = 0; i < count; i += BLOCK) {
+        for (size_t k = 0; k < VECTORS; k++) {
+            memcpy(&x, a + i + k * LANES, sizeof x);
+            memcpy(&y, b + i + k * LANES, sizeof y);
+            memcpy(&factor, scale + k * LANES, sizeof factor);
+            x += factor * y;
+            memcpy(a + i + k * LANES, &x, sizeof x);
+            memcpy(&y, c + i + k * LANES, sizeof y);
+            sum[k] += x * y;
+        }
+    }
+    memcpy(sums, sum, sizeof sum);
+}
+
+/* a[s] += scale * b[s], column by column. */
+CHIARO_WIDE static void add(double *a, const double scale[BLOCK], const double *b, size_t count)
+{
+    Lanes x, y, factor;
+    for (size_t i = 0; i < count; i += BLOCK) {
+        for (size_t k = 0; k < VECTORS; k++) {
+            memcpy(&x, a + i + k * LANES, sizeof x);
+            memcpy(&y, b + i + k * LANES, sizeof y);
+            memcpy(&factor, scale + k * LANES, sizeof factor);
+            x += factor * y;
+            memcpy(a + i + k * LANES, &x, sizeof x);
+        }
     }
 }
 
-/* a[s] += sign * scale * b[s], column by column. */
-static void add(double *a, double sign, const double scale[BLOCK], const double *b, size_t count)
+/* What is to be added of something of square `size`, along which there is `dot`: `sign` times its part. */
+static void part_of(const double dot[BLOCK], const double size[BLOCK], double sign, double part[BLOCK])
 {
-    for (size_t i = 0; i < count; i += BLOCK) {
-        for (uint32_t k = 0; k < BLOCK; k++)
-            a[i + k] += sign * scale[k] * b[i + k];
-    }
-}
-
-/* What of each column of `a` lies along `b`, whose squares add up to `size`. */
-static void project(const double *a, const double *b, const double size[BLOCK], size_t count, double along[BLOCK])
-{
-    dots(a, b, count, along);
     for (uint32_t k = 0; k < BLOCK; k++)
-        along[k] = size[k] > 0 ? along[k] / size[k] : 0;
+        part[k] = size[k] > 0 ? sign * (dot[k] / size[k]) : 0;
 }
 
-/* What a block of columns is solved with. Memory of steps that are not needed is never touched, so it costs nothing. */
-typedef struct Columns {
-    double *memory;
-    double *total;                     /* B, of all leaves */
-    double *residual;                  /* x + rho F B - B */
-    double *step[KEPT], *image[KEPT];  /* the last steps, and how each changes the residual */
-    double image_size[KEPT][BLOCK];    /* squares of the images, added up */
-    double *mean;                      /* of clusters */
-} Columns;
-
-static bool open_columns(const Baker *baker, uint32_t first, Columns *c)
+static bool columns_create(const Baker *baker, Columns *c)
 {
     size_t leaves = (size_t)baker->leaf_count * BLOCK, samples = (size_t)baker->sample_count * BLOCK;
     c->memory = malloc((leaves + (2 * KEPT + 1) * samples + (size_t)baker->cluster_count * BLOCK) * sizeof(double));
@@ -251,8 +286,6 @@ static bool open_columns(const Baker *baker, uint32_t first, Columns *c)
     for (uint32_t i = 0; i < KEPT; i++)
         c->step[i] = c->residual + (2 * i + 1) * samples, c->image[i] = c->step[i] + samples;
     c->mean = c->residual + (2 * KEPT + 1) * samples;
-    for (size_t l = 0; l < leaves; l++)
-        c->total[l] = baker->direct[l / BLOCK * baker->columns + first + l % BLOCK];
     return true;
 }
 
@@ -268,124 +301,158 @@ static bool is_small(const double *step, const double *total, size_t count)
     return small;
 }
 
-static void solve_block(Solve *solve, uint32_t block)
+/* Makes a step such that its image is across those of the steps that are kept. */
+static void make_conjugate(Columns *c, uint32_t now, uint32_t kept, size_t count)
+{
+    double sums[BLOCK], part[BLOCK], *step = c->step[now], *image = c->image[now];
+    uint32_t before[KEPT], count_before = 0;
+    for (uint32_t i = 0; i < kept; i++) {
+        if (i != now)
+            before[count_before++] = i;
+    }
+    dots(image, count_before ? c->image[before[0]] : image, count, sums);
+    for (uint32_t i = 0; i < count_before; i++) {
+        part_of(sums, c->image_size[before[i]], -1, part);
+        add(step, part, c->step[before[i]], count);
+        add_dots(image, part, c->image[before[i]], i + 1 < count_before ? c->image[before[i + 1]] : image, count, sums);
+    }
+    memcpy(c->image_size[now], sums, sizeof sums);
+}
+
+static void solve_block(const Solve *solve, uint32_t block, Columns *c)
 {
     Baker *baker = solve->baker;
     uint32_t first = block * BLOCK;
     size_t count = (size_t)baker->sample_count * BLOCK;
-    Columns c;
-    if (!open_columns(baker, first, &c)) {
-        solve->failed = true;
-        return;
+    for (size_t l = 0; l < baker->leaf_count; l++) {
+        for (uint32_t k = 0; k < BLOCK; k++)
+            c->total[l * BLOCK + k] = (double)baker->direct[l * baker->columns + first + k];
     }
-    gather(baker, c.total, baker->leaf_count, c.residual);
+    gather(baker, c->total, baker->leaf_count, c->residual);
     for (size_t i = 0; i < count; i++) /* of B = x, to begin with */
-        c.residual[i] *= albedo_of(baker, (uint32_t)(i / BLOCK), first + (uint32_t)(i % BLOCK));
+        c->residual[i] *= albedo_of(baker, (uint32_t)(i / BLOCK), first + (uint32_t)(i % BLOCK));
     for (uint32_t sweep = 0; sweep < MAX_SWEEPS; sweep++) {
         uint32_t now = sweep % KEPT;
-        double *step = c.step[now], *image = c.image[now], along[BLOCK];
-        memcpy(step, c.residual, count * sizeof *step);
-        correct_coarsely(baker, first, step, c.mean);
+        double *step = c->step[now], *image = c->image[now], sums[BLOCK], part[BLOCK];
+        memcpy(step, c->residual, count * sizeof *step);
+        correct_coarsely(baker, first, step, c->mean);
         solve->sweeps[block] = sweep + 1;
-        if (is_small(step, c.total, count)) {
-            chiaro_axpy_double(c.total, 1, step, count);
+        if (is_small(step, c->total, count)) {
+            chiaro_axpy_double(c->total, 1, step, count);
             break;
         }
         apply(baker, first, step, image);
-        for (uint32_t i = 0; i < KEPT && i < sweep; i++) {
-            if (i == now)
-                continue;
-            project(image, c.image[i], c.image_size[i], count, along);
-            add(step, -1, along, c.step[i], count);
-            add(image, -1, along, c.image[i], count);
+        make_conjugate(c, now, sweep < KEPT ? sweep : KEPT, count);
+        dots(c->residual, image, count, sums);
+        part_of(sums, c->image_size[now], 1, part);
+        add(c->total, part, step, count);
+        part_of(sums, c->image_size[now], -1, part);
+        add(c->residual, part, image, count);
+    }
+    gather(baker, c->total, baker->leaf_count, c->residual);
+    for (size_t l = 0; l < baker->leaf_count; l++) {
+        for (uint32_t k = 0; k < BLOCK; k++) {
+            baker->total[l * baker->columns + first + k] = (float)c->total[l * BLOCK + k];
+            if (l < baker->sample_count)
+                solve->irradiance[l * baker->columns + first + k] = (float)c->residual[l * BLOCK + k];
         }
-        dots(image, image, count, c.image_size[now]);
-        project(c.residual, image, c.image_size[now], count, along);
-        add(c.total, 1, along, step, count);
-        add(c.residual, -1, along, image, count);
     }
-    gather(baker, c.total, baker->leaf_count, c.residual);
-    for (size_t i = 0; i < (size_t)baker->leaf_count * BLOCK; i++) {
-        size_t at = i / BLOCK * baker->columns + first + i % BLOCK;
-        baker->total[at] = (float)c.total[i];
-        if (i < count)
-            solve->irradiance[at] = (float)c.residual[i];
-    }
-    free(c.memory);
 }
 
 static void solve_blocks(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
-    (void)thread;
+    const Solve *solve = user;
     for (uint32_t block = begin; block < end; block++)
-        solve_block(user, block);
+        solve_block(solve, block, &solve->scratch[thread]);
 }
 
-ChiaroResult chiaro_bake_column_scales(const Baker *baker, const float *direct, const float *irradiance, uint32_t columns,
-                                       float *scale)
+typedef struct ColumnScales {
+    const Baker *baker;
+    const float *direct, *irradiance;
+    uint32_t columns;
+    float *scale;
+} ColumnScales;
+
+/* Runs of columns. */
+static void measure_columns(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
-    double *square = calloc(2 * (size_t)columns, sizeof *square), *source = square + columns;
-    if (!square)
-        return CHIARO_ERROR_MEMORY;
-    for (uint32_t l = 0; l < baker->leaf_count; l++) {
-        for (uint32_t t = 0; t < columns; t++) {
-            double x = direct[(size_t)l * columns + t], e = l < baker->sample_count ? irradiance[(size_t)l * columns + t] : 0;
-            source[t] += baker->leaf_weights[l] * x * x;
-            square[t] += baker->leaf_weights[l] * e * e;
+    const ColumnScales *scales = user;
+    const Baker *baker = scales->baker;
+    (void)thread;
+    for (uint32_t run = begin; run < end; run++) {
+        uint32_t first = run * BLOCK, count = scales->columns - first < BLOCK ? scales->columns - first : BLOCK;
+        double square[BLOCK] = {0}, source[BLOCK] = {0};
+        for (size_t l = 0; l < baker->leaf_count; l++) {
+            double weight = baker->leaf_weights[l];
+            const float *direct = scales->direct + l * scales->columns + first;
+            const float *irradiance = l < baker->sample_count ? scales->irradiance + l * scales->columns + first : NULL;
+            for (uint32_t k = 0; k < count; k++) {
+                source[k] += weight * direct[k] * direct[k];
+                square[k] += irradiance ? weight * irradiance[k] * irradiance[k] : 0;
+            }
         }
+        for (uint32_t k = 0; k < count; k++)
+            scales->scale[first + k] = square[k] > LEAST_LIGHT * source[k] ? (float)sqrt(baker->patches.area / square[k]) : 0;
     }
-    for (uint32_t t = 0; t < columns; t++)
-        scale[t] = square[t] > LEAST_LIGHT * source[t] ? (float)sqrt(baker->patches.area / square[t]) : 0;
-    free(square);
-    return CHIARO_OK;
 }
+
+void chiaro_bake_column_scales(const Baker *baker, const float *direct, const float *irradiance, uint32_t columns, float *scale)
+{
+    ColumnScales scales = {baker, direct, irradiance, columns, scale};
+    chiaro_parallel_for(baker->desc.threads, (columns + BLOCK - 1) / BLOCK, 1, measure_columns, &scales, NULL, NULL);
+}
+
+typedef struct Normalize {
+    Baker *baker;
+    const float *scale;
+} Normalize;
 
 /* The uniform columns stay as they are: they are measures of energy. */
-static ChiaroResult normalize(Baker *baker)
+static void normalize_leaves(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
-    uint32_t columns = baker->columns;
-    float *scale = malloc(columns * sizeof *scale);
-    ChiaroResult result = CHIARO_ERROR_MEMORY;
-    if (scale)
-        result = chiaro_bake_column_scales(baker, baker->direct, baker->irradiance, columns, scale);
-    for (uint32_t l = 0; l < baker->leaf_count && result == CHIARO_OK; l++) {
-        for (uint32_t t = 0; t < baker->uniform_column; t++) {
-            size_t at = (size_t)l * columns + t;
-            baker->direct[at] *= scale[t];
-            baker->total[at] *= scale[t];
+    const Normalize *normalize = user;
+    Baker *baker = normalize->baker;
+    (void)thread;
+    for (size_t l = begin; l < end; l++) {
+        for (size_t t = 0, at = l * baker->columns; t < baker->uniform_column; t++, at++) {
+            baker->direct[at] *= normalize->scale[t];
+            baker->total[at] *= normalize->scale[t];
             if (l < baker->sample_count)
-                baker->irradiance[at] *= scale[t];
+                baker->irradiance[at] *= normalize->scale[t];
         }
     }
-    free(scale);
-    return result;
 }
 
 ChiaroResult chiaro_bake_solve(Baker *baker)
 {
-    uint32_t blocks = baker->columns / BLOCK;
+    uint32_t blocks = baker->columns / BLOCK, threads = baker->desc.threads, ready = 0;
     Solve solve = {.baker = baker};
     ChiaroResult result = coarse_inverse(baker);
     if (result != CHIARO_OK)
         return result;
+    float *scale = malloc(baker->columns * sizeof *scale);
     baker->irradiance = solve.irradiance = chiaro_bake_table(baker->sample_count, baker->columns);
     solve.sweeps = calloc(blocks, sizeof *solve.sweeps);
-    if (!solve.irradiance || !solve.sweeps) {
-        free(solve.sweeps);
-        return CHIARO_ERROR_MEMORY;
+    solve.scratch = calloc(threads, sizeof *solve.scratch);
+    while (solve.scratch && ready < threads && columns_create(baker, &solve.scratch[ready]))
+        ready++;
+    result = CHIARO_ERROR_MEMORY;
+    if (scale && solve.irradiance && solve.sweeps && ready == threads)
+        result = chiaro_parallel_for(threads, blocks, 1, solve_blocks, &solve, chiaro_bake_progress, baker)
+                     ? CHIARO_OK
+                     : CHIARO_ERROR_INTERRUPTED;
+    for (uint32_t t = 0; t < ready; t++)
+        free(solve.scratch[t].memory);
+    if (result == CHIARO_OK) {
+        for (uint32_t b = 0; b < blocks; b++)
+            baker->info.solver_sweeps = solve.sweeps[b] > baker->info.solver_sweeps ? solve.sweeps[b] : baker->info.solver_sweeps;
+        chiaro_bake_column_scales(baker, baker->direct, baker->irradiance, baker->columns, scale);
+        chiaro_parallel_for(threads, baker->leaf_count, 64, normalize_leaves, &(Normalize){baker, scale}, NULL, NULL);
+        chiaro_bake_tree_sum(baker, baker->direct, baker->columns);
+        chiaro_bake_tree_sum(baker, baker->total, baker->columns);
     }
-    bool finished = chiaro_parallel_for(baker->desc.threads, blocks, 1, solve_blocks, &solve, chiaro_bake_progress, baker);
-    for (uint32_t b = 0; b < blocks; b++)
-        baker->info.solver_sweeps = solve.sweeps[b] > baker->info.solver_sweeps ? solve.sweeps[b] : baker->info.solver_sweeps;
+    free(scale);
     free(solve.sweeps);
-    if (solve.failed)
-        return CHIARO_ERROR_MEMORY;
-    if (!finished)
-        return CHIARO_ERROR_INTERRUPTED;
-    result = normalize(baker);
-    if (result != CHIARO_OK)
-        return result;
-    chiaro_bake_tree_sum(baker, baker->direct, baker->columns);
-    chiaro_bake_tree_sum(baker, baker->total, baker->columns);
-    return CHIARO_OK;
+    free(solve.scratch);
+    return result;
 }

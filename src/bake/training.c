@@ -263,10 +263,9 @@ ChiaroResult chiaro_bake_more_lights(Baker *baker)
         paint_skies(&training, training.lamp_count, mix.skies, 0x5e8 + b);
         chiaro_bake_tree_sum(baker, training.direct, BATCH);
         result = chiaro_bake_gather(baker, training.direct, BATCH, channel, irradiance);
-        if (result == CHIARO_OK)
-            result = chiaro_bake_column_scales(baker, training.direct, irradiance, BATCH, scale);
         if (result != CHIARO_OK)
             goto done;
+        chiaro_bake_column_scales(baker, training.direct, irradiance, BATCH, scale);
         chiaro_bake_carry(baker, training.direct, irradiance, BATCH, channel, scale, baker->more + b * BATCH,
                           baker->more_columns);
         if (!chiaro_bake_progress((float)(b + 1) / (float)batches, baker)) {
