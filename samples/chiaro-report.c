@@ -12,6 +12,7 @@ static const char help[] =
     "report.json: error against frame time, error by cause, lights and objects that move under a budget, baselines, how\n"
     "cost grows. The files are written anew after each part: if it is interrupted, what was finished is there.\n"
     "  --quick         small bakes, few paths: minutes instead of hours\n"
+    "  --no-sweep      bakes no other settings of the static scene than the default and the most links\n"
     "  --no-scaling    leaves out how cost grows\n"
     "  --device N|NAME which Vulkan device\n"
     "  --suggest MS    prints, for each scene, the settings with the least error whose frame takes at most so long here\n";
@@ -20,13 +21,15 @@ static Report take_options(int argc, char **argv)
 {
     Report report = {.options = {.program = "chiaro-report", .usage = help}};
     SceneOptions *options = &report.options;
-    bool scaling = true;
+    bool sweep = true, scaling = true;
     report.scenes = report_alloc(&report, (size_t)argc, sizeof *report.scenes);
     for (int i = 1; i < argc; i++) {
         if (argv[i][0] != '-')
             report.scenes[report.scene_count++].input = argv[i];
         else if (strcmp(argv[i], "--quick") == 0)
             report.quick = true;
+        else if (strcmp(argv[i], "--no-sweep") == 0)
+            sweep = false;
         else if (strcmp(argv[i], "--no-scaling") == 0)
             scaling = false;
         else if (strcmp(argv[i], "--device") == 0)
@@ -41,7 +44,7 @@ static Report take_options(int argc, char **argv)
     if (!options->output || strlen(options->output) > REPORT_PATH / 2)
         options_fail(options, CHIARO_EXIT_USAGE, "-o FOLDER is missing, or too long");
     report.folder = options->output;
-    report.scaling = scaling;
+    report.sweep = sweep, report.scaling = scaling;
     for (uint32_t k = 0; k < REPORT_CLAIMS; k++)
         report.measured[k] = (double)NAN;
     return report;

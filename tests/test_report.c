@@ -250,6 +250,50 @@ static void the_truth_has_objects_where_the_module_has_them_and_none_meet(void *
     free(scene);
 }
 
+/* A closed box of one albedo is lit alike by whatever hangs in it, but for where it hangs; a wrong albedo shows. */
+static void lamps_elsewhere_are_held_against_the_truth(void **state)
+{
+    (void)state;
+    const SceneRequest request = {.has_albedo = true, .albedo = 0.5f};
+    const ChiaroBakeDesc desc = {.struct_size = sizeof desc, .samples = 512, .rays = 256, .receivers = 512};
+    Report report = {.options = {.program = "test", .quiet = true}, .quick = true};
+    const char *fault;
+    TestScene made;
+    ChiaroBlob blob;
+    ChiaroTransport transport;
+    ChiaroRays *rays;
+    assert_true(scenes_make("furnace", &request, &made, &fault));
+    ReportScene *scene = new_array(1, sizeof *scene);
+    scene->read.scene = made.scene;
+    assert_int_equal(chiaro_rays_create(&made.scene, NULL, &rays), CHIARO_OK);
+    assert_int_equal(chiaro_bake(&made.scene, &desc, &blob), CHIARO_OK);
+    assert_int_equal(chiaro_transport_open(blob.data, blob.size, &transport, NULL), CHIARO_OK);
+    report.measured[CLAIM_LAMPS] = (double)NAN;
+    report_lamps(&report, scene, &transport, rays, 1);
+    for (uint32_t k = 0; k < REPORT_LAMPS; k++) {
+        const ReportLamps *lamps = &scene->lamps[k];
+        printf("  %s: median %.4f, worst %.4f, ratio %.4f\n", lamps->name, lamps->median, lamps->worst, lamps->mean_ratio);
+        assert_int_equal(lamps->count, 4);
+        assert_below("median", k, lamps->median, 0.05);
+        assert_true(lamps->worst >= lamps->median);
+        assert_near("mean ratio", k, lamps->mean_ratio, 1, 0.03);
+    }
+    assert_near("row", 0, report.measured[CLAIM_LAMPS], 100 * scene->lamps[REPORT_LAMPS - 1].median, 1e-9);
+    /* The same links beside another truth. */
+    ChiaroMaterial *darker = new_array(made.scene.material_count, sizeof *darker);
+    memcpy(darker, made.scene.materials, made.scene.material_count * sizeof *darker);
+    for (uint32_t m = 0; m < made.scene.material_count; m++)
+        darker[m].albedo[0] = 0.25f;
+    scene->read.scene.materials = darker;
+    report_lamps(&report, scene, &transport, rays, 1);
+    assert_true(scene->lamps[0].median > 0.2 && scene->lamps[0].mean_ratio > 1.1);
+    chiaro_blob_free(&blob);
+    chiaro_rays_destroy(rays);
+    scenes_free(&made);
+    free(darker);
+    free(scene);
+}
+
 /* ---- what the README says ----------------------------------------------------------------------------------------- */
 
 /* The README with single spaces. */
@@ -358,6 +402,7 @@ int main(void)
         cmocka_unit_test(objects_take_their_part_of_a_budget),
         cmocka_unit_test(the_truth_has_objects_where_the_module_has_them_and_none_meet),
         cmocka_unit_test(the_page_needs_nothing_else),
+        cmocka_unit_test(lamps_elsewhere_are_held_against_the_truth),
         cmocka_unit_test(every_claim_of_the_readme_is_a_row),
         cmocka_unit_test(no_figure_of_the_readme_is_without_a_row),
         cmocka_unit_test(claims_about_the_house_hold),

@@ -110,7 +110,7 @@ typedef struct ReportScene {
 typedef struct Report {
     SceneOptions options;
     const char *folder, *device_name; /* NULL: any device */
-    bool quick, scaling;
+    bool quick, sweep, scaling;
     double suggest_ms; /* 0: not asked for */
     ChiaroSky sky;
     ReportScene *scenes;

@@ -42,7 +42,7 @@ static const Setting settings[] = {
     {"features", "without the sky's sun", 32, 1, 1, 1, false, CHIARO_WITHOUT_SKY_SUN},
     {"features", "bounce light off", 32, 1, 1, 1, true, 0},
 };
-enum { SETTINGS = sizeof settings / sizeof *settings, MOST_LINKS = 4 };
+enum { SETTINGS = sizeof settings / sizeof *settings, MOST_LINKS = 128 };
 
 /* A bake in a context of its own. */
 typedef struct Lane {
@@ -51,6 +51,7 @@ typedef struct Lane {
     ChiaroBlob blob;
     ChiaroTransport transport;
     ReportContext context;
+    float *irradiance; /* of receivers, by the core */
     double *frame_ms, *update_ms;
 } Lane;
 
@@ -329,14 +330,16 @@ static void trace_receivers(uint32_t begin, uint32_t end, uint32_t thread, void 
 
 /* What each step adds: receivers with the truth at each of them; the most links there are; the links of the default; the
  * device instead of the core. */
-static void split_causes(Bench *bench, float *const *irradiance)
+static void split_causes(Bench *bench)
 {
     const Report *report = bench->report;
     ReportScene *scene = bench->scene;
-    const Lane *chosen = &bench->lanes[0], *most = &bench->lanes[MOST_LINKS];
+    const Lane *chosen = &bench->lanes[0], *most = chosen;
     const ChiaroTransport *t = &chosen->transport;
     ChiaroReference *reference;
     ReportStep job;
+    while (most->setting->links != MOST_LINKS)
+        most++;
     report_begin(report, "error by cause", &job);
     report_must(&bench->device, chiaro_reference_create(&scene->read.scene, scene->lights, scene->light_count,
                                                 report->sky.radiance ? &report->sky : NULL, NULL, &reference));
@@ -352,8 +355,8 @@ static void split_causes(Bench *bench, float *const *irradiance)
     double noise = 0, size = 0;
     for (uint32_t r = 0; r < t->receiver_count; r++)
         noise += exact.squares[r][0], size += exact.squares[r][1];
-    ChiaroIoImage right = draw_on_core(bench, t, exact.irradiance), fitted = draw_on_core(bench, t, irradiance[0]);
-    ChiaroIoImage linked = draw_on_core(bench, &most->transport, irradiance[MOST_LINKS]);
+    ChiaroIoImage right = draw_on_core(bench, t, exact.irradiance), fitted = draw_on_core(bench, t, chosen->irradiance);
+    ChiaroIoImage linked = draw_on_core(bench, &most->transport, most->irradiance);
     double step = report_differ(report, &linked, &right, NULL).relrmse, grain = size > 0 ? noise / size : 0;
     add_cause(scene, "noise of the truth", scene->noise[CHIARO_COMPONENT_INDIRECT]);
     add_cause(scene, "interpolation over receivers (with the truth at each)",
@@ -378,19 +381,25 @@ static void split_causes(Bench *bench, float *const *irradiance)
 
 /* ---- the scene ---------------------------------------------------------------------------------------------------- */
 
+/* Without a sweep the default is baked, and the most links, which tell causes apart. */
+static bool is_wanted(const Report *report, const Setting *setting)
+{
+    bool whole = setting->samples == 1 && setting->receivers == 1 && setting->rays == 1;
+    bool needed = whole && (setting->links == settings[0].links || setting->links == MOST_LINKS);
+    return (report->sweep || needed) && (setting->without != CHIARO_WITHOUT_SKY_SUN || report->sky.radiance);
+}
+
 static void run_sweep(Bench *bench)
 {
     ReportScene *scene = bench->scene;
-    float *irradiance[SETTINGS];
     for (uint32_t k = 0; k < SETTINGS; k++) {
-        irradiance[k] = NULL;
-        if (settings[k].without == CHIARO_WITHOUT_SKY_SUN && !bench->report->sky.radiance)
+        if (!is_wanted(bench->report, &settings[k]))
             continue;
         Lane *lane = &bench->lanes[bench->lane_count++];
         lane->point = report_add_point(bench->report, scene, settings[k].group, settings[k].name);
         bake_lane(bench, lane, &settings[k]);
         load_lane(bench, lane);
-        irradiance[k] = update_on_core(bench, &lane->transport, scene->lights, lane->point->cpu_ms);
+        lane->irradiance = update_on_core(bench, &lane->transport, scene->lights, lane->point->cpu_ms);
         if (settings[k].gi_off || settings[k].without) /* not what was timed */
             memset(lane->point->cpu_ms, 0, sizeof lane->point->cpu_ms);
         ChiaroIoImage full = show(bench, lane, scene->lights, CHIARO_COMPONENT_FULL);
@@ -407,9 +416,9 @@ static void run_sweep(Bench *bench)
     }
     time_lanes(bench);
     run_idle(bench);
-    split_causes(bench, irradiance);
-    for (uint32_t k = 0; k < SETTINGS; k++)
-        free(irradiance[k]);
+    split_causes(bench);
+    for (uint32_t l = 0; l < bench->lane_count; l++)
+        free(bench->lanes[l].irradiance);
 }
 
 void report_scene(Report *report, ReportScene *scene)
