@@ -272,7 +272,8 @@ static void lamps_elsewhere_are_held_against_the_truth(void **state)
     report_lamps(&report, scene, &transport, rays, 1);
     for (uint32_t k = 0; k < REPORT_LAMPS; k++) {
         const ReportLamps *lamps = &scene->lamps[k];
-        printf("  %s: median %.4f, worst %.4f, ratio %.4f\n", lamps->name, lamps->median, lamps->worst, lamps->mean_ratio);
+        printf("  %s: median %.4f, worst %.4f, ratio %.4f\n", lamps->name, lamps->median, lamps->worst,
+               lamps->mean_ratio);
         assert_int_equal(lamps->count, 4);
         assert_true(lamps->median > 0 && lamps->worst >= lamps->median);
     }
@@ -352,7 +353,8 @@ static bool is_claimed(const char *text, const char *at)
 static void no_figure_of_the_readme_is_without_a_row(void **state)
 {
     (void)state;
-    static const char *const units[] = {" %", " KiB", " MiB", " cm", " degrees", " ms", " s ", " minutes", " lines", " times"};
+    static const char *const units[] = {" %", " KiB", " MiB", " cm", " degrees", " ms", " s ", " minutes", " lines",
+                                        " times"};
     char *text = read_readme();
     uint32_t figures = 0;
     for (const char *at = text; *at; at++) {

@@ -1,5 +1,5 @@
-/* A thousand balls. They do not touch, and nothing else is there: what is wrong with their light is the fault of neighbour
- * lists and cubes alone. */
+/* A thousand balls. They do not touch, and nothing else is there: what is wrong with their light is the fault of
+ * neighbour lists and cubes alone. */
 #include "crowd.h"
 
 #include "../../src/core/random.h"
@@ -93,8 +93,8 @@ static void trace_probes(uint32_t begin, uint32_t end, uint32_t thread, void *us
     for (uint32_t k = begin; k < end; k++) {
         CrowdProbe *probe = &trace->probes[k];
         const ChiaroVertex *vertex = &trace->vertices[probe->object * trace->corners + trace->corner[k]];
-        ChiaroReferenceIrradiance truth = chiaro_reference_irradiance(trace->reference, vertex->position, vertex->normal,
-                                                                      trace->paths, 0, k, 1);
+        ChiaroReferenceIrradiance truth =
+            chiaro_reference_irradiance(trace->reference, vertex->position, vertex->normal, trace->paths, 0, k, 1);
         memcpy(probe->normal, vertex->normal, sizeof probe->normal);
         memcpy(probe->truth, truth.indirect, sizeof probe->truth);
     }

@@ -34,8 +34,8 @@ bool picture_hit(const ChiaroRays *rays, Vec3 origin, Vec3 direction, float end,
 }
 
 /* What a pixel shows. */
-typedef void (*PixelFunc)(const ChiaroTransport *transport, const ChiaroScene *drawn, size_t pixel, const ChiaroHit *hit,
-                          void *user);
+typedef void (*PixelFunc)(const ChiaroTransport *transport, const ChiaroScene *drawn, size_t pixel,
+                          const ChiaroHit *hit, void *user);
 
 /* Pixels that show a surface. False: out of memory. */
 static bool each_pixel(const ChiaroTransport *transport, const PictureView *view, PixelFunc func, void *user)

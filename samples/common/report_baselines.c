@@ -249,7 +249,8 @@ static void choose_for(uint32_t begin, uint32_t end, uint32_t thread, void *user
     const Choice *choice = user;
     const ChiaroTransport *t = choice->transport;
     for (uint32_t r = begin; r < end; r++)
-        choice->counts[r] = choose_samples(t, choice->rays, &t->receivers[r], choice->all + (size_t)thread * t->sample_count,
+        choice->counts[r] = choose_samples(t, choice->rays, &t->receivers[r],
+                                           choice->all + (size_t)thread * t->sample_count,
                                            choice->chosen + (size_t)r * MOST_K);
 }
 

@@ -1,6 +1,7 @@
-/* Lamps where nobody hung one: how wrong is bounce light when the game puts a lamp anywhere? One lamp at a time, over places
- * that are spread evenly among the receivers: half way to what stands opposite, and close to the surface. Held against the
- * path tracer at receivers that the lamp sees, and only the lamp's own light: neither the sky's nor that of what glows. */
+/* Lamps where nobody hung one: how wrong is bounce light when the game puts a lamp anywhere? One lamp at a time, over
+ * places that are spread evenly among the receivers: half way to what stands opposite, and close to the surface. Held
+ * against the path tracer at receivers that the lamp sees, and only the lamp's own light: neither the sky's nor that of
+ * what glows. */
 #include "report.h"
 
 #include "../../src/core/random.h"
@@ -83,8 +84,8 @@ static void trace_watched(uint32_t begin, uint32_t end, uint32_t thread, void *u
     (void)thread;
     for (uint32_t k = begin; k < end; k++) {
         const ChiaroReceiver *receiver = &trace->transport->receivers[lamp->watched[k]];
-        ChiaroReferenceIrradiance e = chiaro_reference_irradiance(trace->reference, receiver->position, receiver->normal,
-                                                                  trace->paths, 0, k, 1);
+        ChiaroReferenceIrradiance e =
+            chiaro_reference_irradiance(trace->reference, receiver->position, receiver->normal, trace->paths, 0, k, 1);
         memcpy(lamp->irradiance[k], e.indirect, sizeof e.indirect);
         lamp->error[k] = e.error[0] * e.error[0] + e.error[1] * e.error[1] + e.error[2] * e.error[2];
     }
@@ -102,8 +103,8 @@ static void measure(const Bench *bench, ReportStep *step, Lamp *lamp, double *wr
     Trace trace = {reference, t, report->quick ? QUICK_PATHS : PATHS, lamp};
     report_each(step, lamp->count, trace_watched, &trace);
     chiaro_reference_destroy(reference);
-    chiaro_transport_update(t, &lamp->light, 1, NULL, chiaro_rays_visible, (void *)(uintptr_t)bench->rays, bench->scratch,
-                            bench->irradiance);
+    chiaro_transport_update(t, &lamp->light, 1, NULL, chiaro_rays_visible, (void *)(uintptr_t)bench->rays,
+                            bench->scratch, bench->irradiance);
     for (uint32_t k = 0; k < lamp->count; k++) {
         for (uint32_t c = 0; c < 3; c++) {
             size_t i = 3 * (size_t)lamp->watched[k] + c;

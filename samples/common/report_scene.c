@@ -274,7 +274,8 @@ static void run_idle(Bench *bench)
     for (int frame = 0; frame < 2; frame++)
         report_frame(&bench->device, &bench->lanes[0].context, NULL, false);
     ChiaroVulkanStats stats = report_stats(&bench->device, &bench->lanes[0].context);
-    *measured = fmax(isnan(*measured) ? 0 : *measured, (double)stats.dispatches + stats.tasks + (double)stats.upload_bytes);
+    double work = (double)stats.dispatches + stats.tasks + (double)stats.upload_bytes;
+    *measured = fmax(isnan(*measured) ? 0 : *measured, work);
 }
 
 /* ---- causes ------------------------------------------------------------------------------------------------------- */
@@ -300,14 +301,14 @@ static ChiaroIoImage draw_on_core(const Bench *bench, const ChiaroTransport *t, 
     return picture;
 }
 
-/* The truth at receivers that are seen. */
+/* The truth at receivers that are seen, in two halves: what they differ by tells the noise of a picture that is drawn
+ * of their mean. */
 typedef struct Exact {
     const ChiaroReference *reference;
-    const ChiaroReceiver *receivers;
+    const ChiaroTransport *transport;
     uint32_t paths;
     bool *seen;
-    float *irradiance;
-    double (*squares)[2]; /* of a receiver: of its own noise, of its light */
+    float *irradiance[2], *mean;
 } Exact;
 
 static void trace_receivers(uint32_t begin, uint32_t end, uint32_t thread, void *user)
@@ -315,18 +316,43 @@ static void trace_receivers(uint32_t begin, uint32_t end, uint32_t thread, void 
     const Exact *exact = user;
     (void)thread;
     for (uint32_t r = begin; r < end; r++) {
-        const ChiaroReceiver *receiver = &exact->receivers[r];
-        if (!exact->seen[r])
-            continue;
-        ChiaroReferenceIrradiance e = chiaro_reference_irradiance(exact->reference, receiver->position, receiver->normal,
-                                                                  exact->paths, 0, r, 1);
-        for (uint32_t c = 0; c < 3; c++) {
-            exact->irradiance[3 * (size_t)r + c] = (float)e.indirect[c];
-            exact->squares[r][0] += e.error[c] * e.error[c];
-            exact->squares[r][1] += e.indirect[c] * e.indirect[c];
+        const ChiaroReceiver *receiver = &exact->transport->receivers[r];
+        for (uint32_t half = 0; half < 2 && exact->seen[r]; half++) {
+            ChiaroReferenceIrradiance e =
+                chiaro_reference_irradiance(exact->reference, receiver->position, receiver->normal, exact->paths / 2, 0,
+                                            r + half * exact->transport->receiver_count, 1);
+            for (uint32_t c = 0; c < 3; c++) {
+                exact->irradiance[half][3 * (size_t)r + c] = (float)e.indirect[c];
+                exact->mean[3 * (size_t)r + c] += (float)e.indirect[c] / 2;
+            }
         }
     }
 }
+
+static Exact trace_exactly(const Bench *bench, ReportStep *step, const ChiaroTransport *t)
+{
+    const Report *report = bench->report;
+    const ReportScene *scene = bench->scene;
+    const PictureView view = view_of(bench);
+    const size_t floats = 3 * (size_t)t->receiver_count;
+    ChiaroReference *reference;
+    Exact exact = {.transport = t, .paths = report->quick ? 256 : 1024,
+                   .seen = report_alloc(report, t->receiver_count, sizeof(bool)),
+                   .mean = report_alloc(report, floats, sizeof(float))};
+    for (uint32_t half = 0; half < 2; half++)
+        exact.irradiance[half] = report_alloc(report, floats, sizeof(float));
+    report_must(&bench->device, chiaro_reference_create(&scene->read.scene, scene->lights, scene->light_count,
+                                                report->sky.radiance ? &report->sky : NULL, NULL, &reference));
+    exact.reference = reference;
+    if (!picture_receivers(t, &view, exact.seen))
+        options_fail(&report->options, CHIARO_EXIT_INPUT, "out of memory");
+    report_each(step, t->receiver_count, trace_receivers, &exact);
+    chiaro_reference_destroy(reference);
+    return exact;
+}
+
+/* An error without noise that is known. */
+static double less(double relrmse, double noise) { return sqrt(fmax(0, relrmse * relrmse - noise * noise)); }
 
 /* What each step adds: receivers with the truth at each of them; the most links there are; the links of the default; the
  * device instead of the core. */
@@ -336,34 +362,22 @@ static void split_causes(Bench *bench)
     ReportScene *scene = bench->scene;
     const Lane *chosen = &bench->lanes[0], *most = chosen;
     const ChiaroTransport *t = &chosen->transport;
-    ChiaroReference *reference;
     ReportStep job;
     while (most->setting->links != MOST_LINKS)
         most++;
     report_begin(report, "error by cause", &job);
-    report_must(&bench->device, chiaro_reference_create(&scene->read.scene, scene->lights, scene->light_count,
-                                                report->sky.radiance ? &report->sky : NULL, NULL, &reference));
-    const PictureView view = view_of(bench);
-    Exact exact = {reference, t->receivers, report->quick ? 256 : 1024,
-                   report_alloc(report, t->receiver_count, sizeof *exact.seen),
-                   report_alloc(report, 3 * (size_t)t->receiver_count, sizeof(float)),
-                   report_alloc(report, t->receiver_count, sizeof *exact.squares)};
-    if (!picture_receivers(t, &view, exact.seen))
-        options_fail(&report->options, CHIARO_EXIT_INPUT, "out of memory");
-    report_each(&job, t->receiver_count, trace_receivers, &exact);
-    chiaro_reference_destroy(reference);
-    double noise = 0, size = 0;
-    for (uint32_t r = 0; r < t->receiver_count; r++)
-        noise += exact.squares[r][0], size += exact.squares[r][1];
-    ChiaroIoImage right = draw_on_core(bench, t, exact.irradiance), fitted = draw_on_core(bench, t, chosen->irradiance);
+    Exact exact = trace_exactly(bench, &job, t);
+    ChiaroIoImage halves[2];
+    for (uint32_t half = 0; half < 2; half++)
+        halves[half] = draw_on_core(bench, t, exact.irradiance[half]);
+    ChiaroIoImage right = draw_on_core(bench, t, exact.mean), fitted = draw_on_core(bench, t, chosen->irradiance);
     ChiaroIoImage linked = draw_on_core(bench, &most->transport, most->irradiance);
-    double step = report_differ(report, &linked, &right, NULL).relrmse, grain = size > 0 ? noise / size : 0;
+    double grain = report_differ(report, &halves[0], &halves[1], NULL).relrmse / 2;
     add_cause(scene, "noise of the truth", scene->noise[CHIARO_COMPONENT_INDIRECT]);
     add_cause(scene, "interpolation over receivers (with the truth at each)",
-              report_compare(report, scene, &right, CHIARO_COMPONENT_INDIRECT).relrmse);
-    /* The truth at the receivers is a little noisy: taken off, for it is known. */
+              less(report_compare(report, scene, &right, CHIARO_COMPONENT_INDIRECT).relrmse, grain));
     add_cause(scene, "sampling of the bake (K = 128 against that truth)",
-              sqrt(fmax(0, step * step - grain)));
+              less(report_differ(report, &linked, &right, NULL).relrmse, grain));
     add_cause(scene, "compression of the links (default against K = 128)",
               report_differ(report, &fitted, &linked, NULL).relrmse);
     ChiaroIoImage device = show(bench, &bench->lanes[0], scene->lights, CHIARO_COMPONENT_INDIRECT);
@@ -371,8 +385,11 @@ static void split_causes(Bench *bench)
     add_cause(scene, "all of it, lights at rest",
               report_compare(report, scene, &device, CHIARO_COMPONENT_INDIRECT).relrmse);
     free(exact.seen);
-    free(exact.irradiance);
-    free(exact.squares);
+    free(exact.irradiance[0]);
+    free(exact.irradiance[1]);
+    free(exact.mean);
+    free(halves[0].pixels);
+    free(halves[1].pixels);
     free(right.pixels);
     free(fitted.pixels);
     free(linked.pixels);

@@ -133,7 +133,8 @@ void report_trace(const Report *report, const ReportScene *scene, const ChiaroSc
     ReportStep step;
     ChiaroReferenceDesc desc = {.camera = scene->camera, .width = view->width, .height = view->height,
                                 .spp = view->half ? (view->spp + 1) / 2 : view->spp,
-                                .seed = (uint32_t)options->seed + (view->half == 2 ? HALF_STEP : 0), .threads = (uint32_t)options->threads};
+                                .seed = (uint32_t)options->seed + (view->half == 2 ? HALF_STEP : 0),
+                                .threads = (uint32_t)options->threads};
     must(report, scene, chiaro_reference_create(what, lights, scene->light_count, report->sky.radiance ? &report->sky : NULL,
                                                 NULL, &reference));
     if (view->name) {

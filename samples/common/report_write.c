@@ -12,8 +12,8 @@
 enum { LINE = 4096, MOST_RECEIVERS = 1 << 24, TEXTS = 3 /* columns of words, before those of numbers */ };
 /* Those that are read again, where they stand. */
 enum { COLUMN_WIDTH = 0, COLUMN_HEIGHT = 1, COLUMN_LINKS = 2, COLUMN_ASKED_SAMPLES = 5, COLUMN_ASKED_RECEIVERS = 6,
-       COLUMN_ASKED_RAYS = 7, COLUMN_FRAME_MS = 10, COLUMN_INDIRECT = 18, COLUMN_FRONT = 34, COLUMN_CHOSEN = 35, COLUMN_CLAIMED, COLUMN_MEASURED,
-       COLUMNS };
+       COLUMN_ASKED_RAYS = 7, COLUMN_FRAME_MS = 10, COLUMN_INDIRECT = 18, COLUMN_FRONT = 34, COLUMN_CHOSEN = 35,
+       COLUMN_CLAIMED, COLUMN_MEASURED, COLUMNS };
 
 /* Settings that a renderer is told, other than ideas taken out to see what they do. */
 static bool is_choice(const ReportPoint *p)
