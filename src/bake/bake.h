@@ -152,11 +152,17 @@ typedef struct ClusterTree {
     uint32_t node_count, leaf_count;
 } ClusterTree;
 /* What does not belong together in a group, however alike it is: moves the items of a run that go left to its front and
- * returns their number; 0: the group is good as it is. */
+ * returns their number; 0: the group is good as it is. Several threads ask at once. */
 typedef uint32_t (*ClusterSplit)(uint32_t *order, uint32_t count, void *user);
-/* At most `leaves` groups; then more, until none has more than `most` items; then those that `split` (may be NULL) makes. */
-bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, uint32_t most, ClusterSplit split, void *user,
-                    ClusterTree *tree);
+typedef struct ClusterDesc {
+    const ClusterItem *items;
+    uint32_t count, threads;
+    uint32_t leaves;    /* groups that are made, at most, */
+    uint32_t most;      /* then more, until none has more than so many items; */
+    ClusterSplit split; /* then those that this makes (may be NULL), where they are too many of fewer groups */
+    void *user;
+} ClusterDesc;
+bool chiaro_cluster(const ClusterDesc *desc, ClusterTree *tree);
 void chiaro_cluster_free(ClusterTree *tree);
 
 /* --- rows.c --- */

@@ -3,14 +3,18 @@
  *
  * This makes the tree of the hierarchical BRDF: items that share place, direction and colour stay together. A group asks by
  * its weight, so that groups end about equally heavy, and by how far apart its items lie: no group holds what lies in two
- * rooms because the groups were used up elsewhere. Cuts are found on 32 bins an axis.
+ * rooms because the groups were used up elsewhere. Cuts are found on 32 bins an axis. The groups that ask most are cut side
+ * by side, fewer at a time as fewer are left to be made; how many does not depend on the threads.
  */
+#include "../offline/parallel.h"
 #include "bake.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { BINS = 32, PROBES = 4096 /* of a long run: they tell where to cut it */ };
+enum { BINS = 32, PROBES = 4096 /* of a long run: they tell where to cut it */, BATCHES = 8 /* for half of the groups */ };
+/* More groups than were asked for. */
+static const double MOST_EXCESS = 1.1;
 
 typedef struct Moments {
     double weight, sum[CLUSTER_FEATURES], square;
@@ -28,14 +32,23 @@ typedef struct Group {
     double claim; /* to be cut; 0: nothing to cut */
 } Group;
 
+/* A group that is to be cut, how many of its items go left, and what the two halves claim. */
+typedef struct Cut {
+    uint32_t group, left;
+    double claim[2];
+} Cut;
+
 typedef struct Builder {
-    const ClusterItem *items;
+    const ClusterDesc *desc;
     ClusterTree *tree;
-    uint32_t *scratch;
-    Probe *probes; /* of the run at hand */
+    uint32_t *scratch; /* [item]: a run has its own part of it */
+    Probe *probes;     /* of the runs at hand: for each thread */
+    uint32_t most_probes; /* of a run */
     Group *groups;
     uint32_t *heap; /* groups that are not cut, the largest claim on top */
+    Cut *cuts;
     uint32_t group_count, heap_count, capacity;
+    bool claims; /* groups are cut for what they claim, not for what `most` and `split` say */
     bool failed;
 } Builder;
 
@@ -66,13 +79,13 @@ static uint32_t bin_of(float value, float low, float high)
 }
 
 /* Items of a run, one by one or many apart. Returns their number. */
-static uint32_t probe_run(const Builder *builder, uint32_t first, uint32_t count)
+static uint32_t probe_run(const Builder *builder, uint32_t first, uint32_t count, Probe *run)
 {
     const uint32_t *order = builder->tree->order, step = count < 2 * PROBES ? 1 : count / PROBES;
     uint32_t probes = 0;
     for (uint32_t i = first; i < first + count; i += step) {
-        const ClusterItem *item = &builder->items[order[i]];
-        Probe *probe = &builder->probes[probes++];
+        const ClusterItem *item = &builder->desc->items[order[i]];
+        Probe *probe = &run[probes++];
         double w = item->weight;
         probe->weight = w, probe->square = 0;
         for (int f = 0; f < CLUSTER_FEATURES; f++) {
@@ -85,10 +98,10 @@ static uint32_t probe_run(const Builder *builder, uint32_t first, uint32_t count
 }
 
 /* Finds the best cut of a run: axis and bin after which to cut. False if nothing tells the items apart. */
-static bool find_cut(const Builder *builder, uint32_t first, uint32_t count, int *best_axis, uint32_t *best_bin,
-                     float *best_low, float *best_high)
+static bool find_cut(const Probe *probes, uint32_t count, int *best_axis, uint32_t *best_bin, float *best_low,
+                     float *best_high)
 {
-    const Probe *probes = builder->probes, *end = probes + probe_run(builder, first, count);
+    const Probe *end = probes + count;
     double best = INFINITY;
     for (int axis = 0; axis < CLUSTER_FEATURES; axis++) {
         float low = INFINITY, high = -INFINITY;
@@ -132,11 +145,11 @@ static const double ALIKE = 0.1;
 static double claim_of(const Builder *builder, uint32_t first, uint32_t count)
 {
     const uint32_t *order = builder->tree->order;
-    const ClusterItem *origin = &builder->items[order[first]];
+    const ClusterItem *origin = &builder->desc->items[order[first]];
     double weight = 0, unit = 0, sum[CLUSTER_FEATURES] = {0}, spread = 0;
     bool alike = true;
     for (uint32_t i = first; i < first + count; i++) {
-        const ClusterItem *item = &builder->items[order[i]];
+        const ClusterItem *item = &builder->desc->items[order[i]];
         weight += item->weight, unit += (double)item->weight * item->unit;
         alike = alike && memcmp(item->feature, origin->feature, sizeof item->feature) == 0;
         for (int f = 0; f < CLUSTER_FEATURES; f++) { /* about one of them: distances are small against the coordinates */
@@ -182,7 +195,7 @@ static uint32_t pop(Builder *builder)
     return top;
 }
 
-static uint32_t add_group(Builder *builder, uint32_t first, uint32_t count)
+static uint32_t add_group(Builder *builder, uint32_t first, uint32_t count, double claim)
 {
     if (builder->group_count == builder->capacity) {
         size_t wanted = 2 * (size_t)builder->capacity;
@@ -190,69 +203,125 @@ static uint32_t add_group(Builder *builder, uint32_t first, uint32_t count)
         builder->groups = groups ? groups : builder->groups;
         uint32_t *heap = groups ? realloc(builder->heap, wanted * sizeof *heap) : NULL;
         builder->heap = heap ? heap : builder->heap;
-        if (!groups || !heap) {
+        Cut *cuts = heap ? realloc(builder->cuts, wanted * sizeof *cuts) : NULL;
+        builder->cuts = cuts ? cuts : builder->cuts;
+        if (!cuts) {
             builder->failed = true;
             return CHIARO_NONE;
         }
         builder->capacity = (uint32_t)wanted;
     }
-    builder->groups[builder->group_count] = (Group){first, count, CHIARO_NONE, CHIARO_NONE, claim_of(builder, first, count)};
+    builder->groups[builder->group_count] = (Group){first, count, CHIARO_NONE, CHIARO_NONE, claim};
     return builder->group_count++;
 }
 
 /* Cuts a run where find_cut() says; returns how many items go left. */
-static uint32_t cut_run(Builder *builder, uint32_t first, uint32_t count)
+static uint32_t cut_run(const Builder *builder, uint32_t first, uint32_t count, Probe *probes)
 {
-    uint32_t *order = builder->tree->order, bin = 0, left = 0, right = 0;
+    uint32_t *order = builder->tree->order, *scratch = builder->scratch + first, bin = 0, left = 0, right = 0;
     int axis = 0;
     float low = 0, high = 1;
-    if (!find_cut(builder, first, count, &axis, &bin, &low, &high))
+    if (!find_cut(probes, probe_run(builder, first, count, probes), &axis, &bin, &low, &high))
         return count / 2;
     for (uint32_t i = first; i < first + count; i++) {
         uint32_t item = order[i];
-        if (bin_of(builder->items[item].feature[axis], low, high) <= bin)
+        if (bin_of(builder->desc->items[item].feature[axis], low, high) <= bin)
             order[first + left++] = item;
         else
-            builder->scratch[right++] = item;
+            scratch[right++] = item;
     }
-    memcpy(order + first + left, builder->scratch, right * sizeof *order);
+    memcpy(order + first + left, scratch, right * sizeof *order);
     return left;
 }
 
-/* Makes two groups of one, the first `left` items and the rest. */
-static void part_group(Builder *builder, uint32_t index, uint32_t left)
+static void cut_groups(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
-    Group group = builder->groups[index];
-    uint32_t a = add_group(builder, group.first, left);
-    uint32_t b = builder->failed ? CHIARO_NONE : add_group(builder, group.first + left, group.count - left);
-    if (builder->failed)
-        return;
-    builder->groups[index].left = a, builder->groups[index].right = b;
-    push(builder, a);
-    push(builder, b);
+    Builder *builder = user;
+    const ClusterDesc *desc = builder->desc;
+    for (Cut *cut = builder->cuts + begin; cut < builder->cuts + end; cut++) {
+        Group group = builder->groups[cut->group];
+        cut->left = 0;
+        if (builder->claims || group.count > desc->most)
+            cut->left = cut_run(builder, group.first, group.count, builder->probes + (size_t)thread * builder->most_probes);
+        else if (desc->split && group.count > 1)
+            cut->left = desc->split(builder->tree->order + group.first, group.count, desc->user);
+        if (cut->left == 0 || cut->left == group.count)
+            continue;
+        cut->claim[0] = claim_of(builder, group.first, cut->left);
+        cut->claim[1] = claim_of(builder, group.first + cut->left, group.count - cut->left);
+    }
 }
 
-/* Cuts the group that asks for it most, until there are `leaves` of them; then those that are too large; then those in
- * which `split` finds what does not belong together. */
-static void build(Builder *builder, uint32_t leaves, uint32_t most, ClusterSplit split, void *user)
+/* Makes two groups of each of the first `count` cuts that parts anything. */
+static void make_groups(Builder *builder, uint32_t count)
 {
-    uint32_t *order = builder->tree->order;
-    while (!builder->failed && builder->heap_count < leaves && builder->groups[builder->heap[0]].claim > 0) {
-        uint32_t index = pop(builder);
-        part_group(builder, index, cut_run(builder, builder->groups[index].first, builder->groups[index].count));
-    }
-    for (uint32_t index = 0; !builder->failed && index < builder->group_count; index++) {
-        Group group = builder->groups[index];
-        if (group.left != CHIARO_NONE)
+    chiaro_parallel_for(builder->desc->threads, count, 1, cut_groups, builder, NULL, NULL);
+    for (uint32_t k = 0; k < count; k++) {
+        Cut cut = builder->cuts[k];
+        Group group = builder->groups[cut.group];
+        if (cut.left == 0 || cut.left == group.count)
             continue;
-        uint32_t left = 0;
-        if (group.count > most)
-            left = cut_run(builder, group.first, group.count);
-        else if (split && group.count > 1)
-            left = split(order + group.first, group.count, user);
-        if (left > 0 && left < group.count)
-            part_group(builder, index, left);
+        uint32_t a = add_group(builder, group.first, cut.left, cut.claim[0]);
+        uint32_t b = builder->failed ? CHIARO_NONE
+                                     : add_group(builder, group.first + cut.left, group.count - cut.left, cut.claim[1]);
+        if (builder->failed)
+            return;
+        builder->groups[cut.group].left = a, builder->groups[cut.group].right = b;
+        if (builder->claims)
+            push(builder, a), push(builder, b);
     }
+}
+
+/* Cuts the groups that ask for it most, until there are `leaves` of them. */
+static void cut_by_claim(Builder *builder, uint32_t leaves)
+{
+    builder->claims = true;
+    while (!builder->failed && builder->heap_count < leaves && builder->groups[builder->heap[0]].claim > 0) {
+        uint32_t batch = 1 + (leaves - builder->heap_count - 1) / BATCHES, count = 0;
+        while (count < batch && builder->heap_count && builder->groups[builder->heap[0]].claim > 0)
+            builder->cuts[count++].group = pop(builder);
+        make_groups(builder, count);
+    }
+    builder->claims = false;
+}
+
+/* Cuts groups that are too large, and those in which `split` finds what does not belong together. */
+static void cut_the_rest(Builder *builder)
+{
+    for (uint32_t first = 0, end; !builder->failed && first < builder->group_count; first = end) {
+        uint32_t count = 0;
+        end = builder->group_count;
+        for (uint32_t index = first; index < end; index++) {
+            if (builder->groups[index].left == CHIARO_NONE)
+                builder->cuts[count++].group = index;
+        }
+        make_groups(builder, count);
+    }
+}
+
+/* Takes back the last cuts, until `leaves` groups are left. */
+static void join_last(Builder *builder, uint32_t leaves)
+{
+    builder->group_count = 2 * leaves - 1;
+    for (uint32_t g = 0; g < builder->group_count; g++) {
+        Group *group = &builder->groups[g];
+        if (group->left != CHIARO_NONE && group->left >= builder->group_count)
+            group->left = group->right = CHIARO_NONE;
+    }
+}
+
+static void build(Builder *builder)
+{
+    uint32_t leaves = builder->desc->leaves;
+    cut_by_claim(builder, leaves);
+    leaves = (builder->group_count + 1) / 2;
+    cut_the_rest(builder);
+    uint32_t made = (builder->group_count + 1) / 2;
+    /* Where walls have made many more of them, fewer are cut before. */
+    if (builder->failed || !builder->desc->split || made <= MOST_EXCESS * leaves)
+        return;
+    join_last(builder, (uint32_t)fmax(1, (double)leaves * leaves / made));
+    cut_the_rest(builder);
 }
 
 /* Groups become nodes in depth-first order. Returns the number of the group's node. */
@@ -273,23 +342,27 @@ static uint32_t number(const Builder *builder, uint32_t index)
     return own;
 }
 
-bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, uint32_t most, ClusterSplit split, void *user,
-                    ClusterTree *tree)
+bool chiaro_cluster(const ClusterDesc *desc, ClusterTree *tree)
 {
+    uint32_t count = desc->count, leaves = desc->leaves < 1 ? 1 : desc->leaves > count ? count : desc->leaves;
+    ClusterDesc resolved = *desc;
+    Builder builder = {.desc = &resolved, .tree = tree, .capacity = 2 * leaves};
+    builder.most_probes = count < 2 * PROBES ? count : 2 * PROBES;
     memset(tree, 0, sizeof *tree);
-    leaves = leaves < 1 ? 1 : leaves > count ? count : leaves;
-    Builder builder = {.items = items, .tree = tree, .capacity = 2 * leaves};
+    resolved.leaves = leaves;
     builder.scratch = malloc(count * sizeof *builder.scratch);
-    builder.probes = malloc((count < 2 * PROBES ? count : 2 * PROBES) * sizeof *builder.probes);
+    builder.probes = malloc((size_t)desc->threads * builder.most_probes * sizeof *builder.probes);
     builder.groups = malloc((size_t)builder.capacity * sizeof *builder.groups);
     builder.heap = malloc((size_t)builder.capacity * sizeof *builder.heap);
+    builder.cuts = malloc((size_t)builder.capacity * sizeof *builder.cuts);
     tree->order = malloc(count * sizeof *tree->order);
-    builder.failed = !builder.scratch || !builder.probes || !builder.groups || !builder.heap || !tree->order;
+    builder.failed = !builder.scratch || !builder.probes || !builder.groups || !builder.heap || !builder.cuts ||
+                     !tree->order;
     if (!builder.failed) {
         for (uint32_t i = 0; i < count; i++)
             tree->order[i] = i;
-        push(&builder, add_group(&builder, 0, count));
-        build(&builder, leaves, most, split, user);
+        push(&builder, add_group(&builder, 0, count, claim_of(&builder, 0, count)));
+        build(&builder);
         tree->nodes = malloc((size_t)builder.group_count * sizeof *tree->nodes);
         builder.failed = builder.failed || !tree->nodes;
     }
@@ -299,6 +372,7 @@ bool chiaro_cluster(const ClusterItem *items, uint32_t count, uint32_t leaves, u
     free(builder.probes);
     free(builder.groups);
     free(builder.heap);
+    free(builder.cuts);
     if (builder.failed)
         chiaro_cluster_free(tree);
     return !builder.failed;

@@ -140,7 +140,8 @@ void chiaro_fitter_destroy(Fitter *fitter)
     FitScratch *s = fitter->scratch;
     if (s) {
         void *all[] = {s->chunk, s->target, s->wanted, s->light, s->form, s->probes, s->clusters, s->bright, s->pull,
-                       s->pattern, s->gram, s->own_gram, s->vectors, s->images, s->values, s->system, s->ridge, s->prior, s->right, s->bound[0], s->bound[1]};
+                       s->pattern, s->gram, s->own_gram, s->vectors, s->images, s->values, s->system, s->ridge, s->prior,
+                       s->right, s->bound[0], s->bound[1]};
         for (size_t k = 0; k < sizeof all / sizeof *all; k++)
             free(all[k]);
         chiaro_columns_destroy(&s->columns);

@@ -1,4 +1,4 @@
-/* Small dense linear algebra: an inverse, a Cholesky factor, a symmetric eigensystem. A few hundred unknowns at most. */
+/* Small dense linear algebra: an inverse, a symmetric eigensystem. A few hundred unknowns at most. */
 #include "linear.h"
 
 #include "kernels.h"
@@ -42,33 +42,6 @@ bool chiaro_matrix_invert(double *a, uint32_t n)
     memcpy(a, b, (size_t)n * n * sizeof *a);
     free(b);
     return ok;
-}
-
-void chiaro_cholesky(double *a, uint32_t n)
-{
-    for (uint32_t i = 0; i < n; i++) {
-        double *row = a + (size_t)i * n;
-        for (uint32_t j = 0; j < i; j++) {
-            double pivot = a[(size_t)j * n + j];
-            row[j] = pivot > 0 ? (row[j] - chiaro_dot_double(row, a + (size_t)j * n, j)) / pivot : 0;
-        }
-        double left = row[i] - chiaro_dot_double(row, row, i);
-        row[i] = left > 0 ? sqrt(left) : 0;
-    }
-}
-
-void chiaro_cholesky_solve(const double *factor, uint32_t n, double *b)
-{
-    for (uint32_t i = 0; i < n; i++) {
-        const double *row = factor + (size_t)i * n;
-        b[i] = row[i] > 0 ? (b[i] - chiaro_dot_double(row, b, i)) / row[i] : 0;
-    }
-    for (uint32_t i = n; i-- > 0;) {
-        const double *row = factor + (size_t)i * n;
-        b[i] = row[i] > 0 ? b[i] / row[i] : 0;
-        for (uint32_t j = 0; j < i; j++)
-            b[j] -= row[j] * b[i];
-    }
 }
 
 /* One rotation that makes a[p][q] zero. */

@@ -564,8 +564,9 @@ static bool deal_runs(const Receivers *receivers, uint32_t *order)
         Vec3 normal = vec3_scale(draft->normal, turn);
         items[r] = (ClusterItem){{draft->place.x, draft->place.y, draft->place.z, 0, normal.x, normal.y, normal.z}, 1, run};
     }
-    if (!items || !baker->receiver_runs || !chiaro_cluster(items, n, (n + USUAL_RUN - 1) / USUAL_RUN, CHIARO_BLOCK_ROWS,
-                                                       NULL, NULL, &tree)) {
+    ClusterDesc desc = {.items = items, .count = n, .threads = baker->desc.threads, .leaves = (n + USUAL_RUN - 1) / USUAL_RUN,
+                        .most = CHIARO_BLOCK_ROWS};
+    if (!items || !baker->receiver_runs || !chiaro_cluster(&desc, &tree)) {
         free(items);
         return false;
     }

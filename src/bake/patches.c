@@ -30,8 +30,8 @@ static const float PATCH_PART_OF_FREE_PATH = 0.06f, DEFAULT_LEAST_SAMPLES = 2048
 static const uint32_t MAX_SMALL = 6u << 20;
 /* Height over a patch from which its parts are to see each other, in patches. */
 static const float HOVER = 0.2f;
-/* More patches than were asked for. */
-static const double MOST_EXCESS = 1.1;
+/* A corner stands for a covered triangle this part of the way to it. */
+static const float CORNERWARD = 0.8f;
 
 uint32_t chiaro_patches_leaf(const Patches *patches, uint32_t triangle, float u, float v)
 {
@@ -176,46 +176,85 @@ static float local_size(const Baker *baker, const Sizing *sizing, uint32_t small
     return baker->info.patch_size / sqrtf(chiaro_sizing_density(sizing, triangle, u, v));
 }
 
+/* True if what lies over this place is seen from behind: it is inside a solid that stands on the surface. */
+static bool is_covered(const Baker *baker, Vec3 place, Vec3 normal)
+{
+    ChiaroHit hit;
+    place = vec3_mad(place, normal, chiaro_rays_epsilon(baker->rays));
+    return chiaro_rays_hit(baker->rays, place, normal, 0, INFINITY, &hit) && !hit.front;
+}
+
+/* Where a small triangle is: its centre, or near that corner at which it comes out from under a solid. */
+static Vec3 small_place(const Baker *baker, const Vec3 corner[3], Vec3 normal)
+{
+    Vec3 center = vec3_scale(vec3_add(corner[0], vec3_add(corner[1], corner[2])), 1.0f / 3);
+    if (!is_covered(baker, center, normal))
+        return center;
+    for (int k = 0; k < 3; k++) {
+        Vec3 place = vec3_mad(vec3_scale(center, 1 - CORNERWARD), corner[k], CORNERWARD);
+        if (!is_covered(baker, place, normal))
+            return place;
+    }
+    return center;
+}
+
+typedef struct Description {
+    const Baker *baker;
+    const Sizing *sizing;
+    ClusterItem *items;
+} Description;
+
 /* What makes two small triangles alike, in metres: direction counts as two patches, colour as one, and emitters stay
  * among themselves whatever it costs. They weigh as much as they fill of a patch of the local size. */
-static ClusterItem *describe_small(const Baker *baker, const Sizing *sizing)
+static void describe_small(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
+    const Description *description = user;
+    const Baker *baker = description->baker;
     const Patches *p = &baker->patches;
-    ClusterItem *items = malloc(p->small_count * sizeof *items);
     float far = 4 * (float)sqrt(p->area);
-    for (uint32_t s = 0; items && s < p->small_count; s++) {
+    (void)thread;
+    for (uint32_t s = begin; s < end; s++) {
         Vec3 c[3], albedo, emission;
         small_corners(baker, s, c);
         small_color(baker, s, &albedo, &emission);
-        Vec3 cross = chiaro_triangle_cross(c);
+        Vec3 cross = chiaro_triangle_cross(c), normal = vec3_normalize(cross);
         bool emits = vec3_max(emission) > 0;
-        float *f = items[s].feature, size = local_size(baker, sizing, s);
+        ClusterItem *item = &description->items[s];
+        float *f = item->feature, size = local_size(baker, description->sizing, s);
         size /= emits ? sqrtf(p->emitter_boost) : 1;
-        vec3_store(f, vec3_scale(vec3_add(c[0], vec3_add(c[1], c[2])), 1.0f / 3));
+        vec3_store(f, small_place(baker, c, normal));
         f[3] = emits ? far : 0;
-        vec3_store(f + 4, vec3_scale(vec3_normalize(cross), 2 * size));
+        vec3_store(f + 4, vec3_scale(normal, 2 * size));
         vec3_store(f + 7, vec3_scale(albedo, size));
-        items[s].unit = size;
-        items[s].weight = vec3_length(cross) / (2 * size * size);
+        item->unit = size;
+        item->weight = vec3_length(cross) / (2 * size * size);
     }
-    return items;
+}
+
+/* From here on, weights are areas. */
+static void weigh_small(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    const Description *description = user;
+    (void)thread;
+    for (uint32_t s = begin; s < end; s++)
+        description->items[s].weight = small_area(description->baker, s);
 }
 
 /* A place above each small triangle. */
 typedef struct Hover {
     const Baker *baker;
     const Sizing *sizing;
+    const ClusterItem *items;
     Vec3 *places;
 } Hover;
 
 /* A part of a patch high, or half way to what is there. */
-static Vec3 hover_place(const Baker *baker, const Sizing *sizing, uint32_t small)
+static Vec3 hover_place(const Hover *hovers, uint32_t small)
 {
-    Vec3 c[3];
-    small_corners(baker, small, c);
-    Vec3 normal = vec3_normalize(chiaro_triangle_cross(c));
-    Vec3 place = vec3_scale(vec3_add(c[0], vec3_add(c[1], c[2])), 1.0f / 3);
-    float height = HOVER * local_size(baker, sizing, small);
+    const Baker *baker = hovers->baker;
+    const float *f = hovers->items[small].feature;
+    Vec3 place = vec3_load(f), normal = vec3_normalize(vec3_load(f + 4));
+    float height = HOVER * local_size(baker, hovers->sizing, small);
     ChiaroHit hit;
     place = vec3_mad(place, normal, chiaro_rays_epsilon(baker->rays));
     if (chiaro_rays_hit(baker->rays, place, normal, 0, 2 * height, &hit))
@@ -228,7 +267,7 @@ static void hover(uint32_t begin, uint32_t end, uint32_t thread, void *user)
     Hover *hovers = user;
     (void)thread;
     for (uint32_t small = begin; small < end; small++)
-        hovers->places[small] = hover_place(hovers->baker, hovers->sizing, small);
+        hovers->places[small] = hover_place(hovers, small);
 }
 
 /* For chiaro_cluster(): two faces of a patch between which a wall stands share no light. Those that see the first one's
@@ -250,18 +289,14 @@ static uint32_t split_at_walls(uint32_t *order, uint32_t count, void *user)
 /* Groups small triangles into about as many patches as were asked for. */
 static bool cluster_small(Baker *baker, const Sizing *sizing, const ClusterItem *items, ClusterTree *tree)
 {
-    uint32_t count = baker->patches.small_count, wanted = baker->desc.samples;
-    Hover hovers = {baker, sizing, malloc(count * sizeof *hovers.places)};
+    uint32_t count = baker->patches.small_count, threads = baker->desc.threads;
+    Hover hovers = {baker, sizing, items, malloc(count * sizeof *hovers.places)};
     if (!hovers.places)
         return false;
-    chiaro_parallel_for(baker->desc.threads, count, 256, hover, &hovers, NULL, NULL);
-    bool ok = chiaro_cluster(items, count, wanted, UINT32_MAX, split_at_walls, &hovers, tree);
-    /* Where walls have made many more of them, fewer are asked for. */
-    if (ok && tree->leaf_count > MOST_EXCESS * wanted) {
-        wanted = (uint32_t)((double)wanted * wanted / tree->leaf_count);
-        chiaro_cluster_free(tree);
-        ok = chiaro_cluster(items, count, wanted, UINT32_MAX, split_at_walls, &hovers, tree);
-    }
+    chiaro_parallel_for(threads, count, 256, hover, &hovers, NULL, NULL);
+    ClusterDesc desc = {.items = items, .count = count, .threads = threads, .leaves = baker->desc.samples, .most = UINT32_MAX,
+                        .split = split_at_walls, .user = &hovers};
+    bool ok = chiaro_cluster(&desc, tree);
     free(hovers.places);
     return ok;
 }
@@ -302,16 +337,18 @@ static void place_point(const Baker *baker, const ClusterItem *items, const uint
     point->weight = weight;
 }
 
-static ChiaroResult make_sample(Baker *baker, const ClusterItem *items, uint32_t s)
+/* Its points go to where there is room for as many as any sample has. */
+static bool make_sample(Baker *baker, const ClusterItem *items, uint32_t s)
 {
     const Patches *p = &baker->patches;
     const uint32_t *small = p->leaf_small + p->leaf_first[s];
     uint32_t count = p->leaf_first[s + 1] - p->leaf_first[s];
     ChiaroSample *sample = &baker->samples[s];
     ClusterItem *own = malloc(count * sizeof *own);
+    ClusterDesc desc = {.items = own, .count = count, .threads = 1, .leaves = POINTS_A_SAMPLE, .most = UINT32_MAX};
     ClusterTree tree;
     if (!own)
-        return CHIARO_ERROR_MEMORY;
+        return false;
     double area = 0, albedo[3] = {0, 0, 0}, emission[3] = {0, 0, 0};
     for (uint32_t k = 0; k < count; k++) {
         Vec3 a, e;
@@ -327,10 +364,10 @@ static ChiaroResult make_sample(Baker *baker, const ClusterItem *items, uint32_t
         sample->emission[c] = CHIARO_PI * (float)(emission[c] / area);
     }
     sample->area = (float)area;
-    sample->first_point = baker->point_count;
-    if (!chiaro_cluster(own, count, POINTS_A_SAMPLE, UINT32_MAX, NULL, NULL, &tree)) {
+    sample->first_point = s * POINTS_A_SAMPLE;
+    if (!chiaro_cluster(&desc, &tree)) {
         free(own);
-        return CHIARO_ERROR_MEMORY;
+        return false;
     }
     uint32_t group[64];
     uint32_t *members = count <= 64 ? group : malloc(count * sizeof *members);
@@ -340,9 +377,8 @@ static ChiaroResult make_sample(Baker *baker, const ClusterItem *items, uint32_t
             continue;
         for (uint32_t k = 0; k < node->count; k++)
             members[k] = small[tree.order[node->first + k]];
-        place_point(baker, items, members, node->count, &baker->points[baker->point_count++]);
+        place_point(baker, items, members, node->count, &baker->points[sample->first_point + sample->point_count++]);
     }
-    sample->point_count = baker->point_count - sample->first_point;
     for (uint32_t k = 0; k < sample->point_count; k++)
         baker->points[sample->first_point + k].weight /= (float)area;
     ChiaroPoint whole = {0};
@@ -351,12 +387,48 @@ static ChiaroResult make_sample(Baker *baker, const ClusterItem *items, uint32_t
     memcpy(sample->position, whole.position, sizeof sample->position);
     memcpy(sample->normal, whole.normal, sizeof sample->normal);
     sample->cull = whole.cull;
-    ChiaroResult result = members ? CHIARO_OK : CHIARO_ERROR_MEMORY;
+    bool ok = members != NULL;
     if (members != group)
         free(members);
     chiaro_cluster_free(&tree);
     free(own);
-    return result;
+    return ok;
+}
+
+typedef struct Making {
+    Baker *baker;
+    const ClusterItem *items;
+    bool *failed; /* of each thread */
+} Making;
+
+static void make_some(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    const Making *making = user;
+    for (uint32_t s = begin; s < end; s++)
+        making->failed[thread] = !make_sample(making->baker, making->items, s) || making->failed[thread];
+}
+
+static ChiaroResult make_samples(Baker *baker, const ClusterItem *items)
+{
+    uint32_t threads = baker->desc.threads;
+    Making making = {baker, items, calloc(threads, sizeof(bool))};
+    bool failed = !making.failed;
+    if (!failed)
+        chiaro_parallel_for(threads, baker->sample_count, 16, make_some, &making, NULL, NULL);
+    for (uint32_t t = 0; t < threads && !failed; t++)
+        failed = making.failed[t];
+    free(making.failed);
+    if (failed)
+        return CHIARO_ERROR_MEMORY;
+    for (uint32_t s = 0; s < baker->sample_count; s++) {
+        ChiaroSample *sample = &baker->samples[s];
+        memmove(baker->points + baker->point_count, baker->points + sample->first_point,
+                sample->point_count * sizeof *baker->points);
+        sample->first_point = baker->point_count;
+        baker->point_count += sample->point_count;
+        baker->info.emitters += vec3_max(vec3_load(sample->emission)) > 0;
+    }
+    return CHIARO_OK;
 }
 
 /* --- the sky's texels --- */
@@ -627,19 +699,16 @@ ChiaroResult chiaro_bake_patches(Baker *baker)
     if (result != CHIARO_OK)
         goto done;
     result = CHIARO_ERROR_MEMORY;
-    items = describe_small(baker, &sizing);
-    if (!items || !cluster_small(baker, &sizing, items, &surface))
+    items = malloc(baker->patches.small_count * sizeof *items);
+    if (!items)
         goto done;
-    /* From here on, weights are areas. */
-    for (uint32_t k = 0; k < baker->patches.small_count; k++)
-        items[k].weight = small_area(baker, k);
-    if ((result = number_leaves(baker, items, &surface)) != CHIARO_OK)
+    Description description = {baker, &sizing, items};
+    chiaro_parallel_for(baker->desc.threads, baker->patches.small_count, 256, describe_small, &description, NULL, NULL);
+    if (!cluster_small(baker, &sizing, items, &surface))
         goto done;
-    for (uint32_t s = 0; s < baker->sample_count; s++) {
-        if ((result = make_sample(baker, items, s)) != CHIARO_OK)
-            goto done;
-        baker->info.emitters += vec3_max(vec3_load(baker->samples[s].emission)) > 0;
-    }
+    chiaro_parallel_for(baker->desc.threads, baker->patches.small_count, 256, weigh_small, &description, NULL, NULL);
+    if ((result = number_leaves(baker, items, &surface)) != CHIARO_OK || (result = make_samples(baker, items)) != CHIARO_OK)
+        goto done;
     result = CHIARO_ERROR_MEMORY;
     baker->info.sky_seen = sky_seen;
     baker->sky_count = sky_seen ? CHIARO_SKY_TEXELS : 0;
@@ -649,7 +718,9 @@ ChiaroResult chiaro_bake_patches(Baker *baker)
         if (!texels || !baker->sky_order)
             goto done;
         describe_sky(texels);
-        if (!chiaro_cluster(texels, baker->sky_count, baker->sky_count, UINT32_MAX, NULL, NULL, &sky))
+        ClusterDesc desc = {.items = texels, .count = baker->sky_count, .threads = baker->desc.threads,
+                            .leaves = baker->sky_count, .most = UINT32_MAX};
+        if (!chiaro_cluster(&desc, &sky))
             goto done;
     }
     baker->leaf_count = baker->sample_count + baker->sky_count;
