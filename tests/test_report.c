@@ -136,15 +136,27 @@ static uint32_t count_in(const char *path, const char *word)
 static void every_file_has_every_row(void **state)
 {
     (void)state;
-    ReportScene *scene = new_array(1, sizeof *scene);
+    ReportScene *scene = new_array(2, sizeof *scene);
     Report report = made_report(scene);
+    scene[1] = *scene, scene[1].input = "another.glb", scene[1].points[0].frame.median = 7;
+    report.scene_count = 2;
     scene->lamps[0] = (ReportLamps){.name = "a lamp", .count = 3, .median = 0.1, .worst = 0.2, .mean_ratio = 1};
     report.measured[CLAIM_PLUGIN] = 123.456;
     report_write(&report);
-    uint32_t rows = scene->point_count + 2 + REPORT_CLAIMS;
+    uint32_t rows = 2 * scene->point_count + 2 + REPORT_CLAIMS;
+    ReportPoint choice;
+    const char *fault;
     assert_int_equal(count_in(FOLDER "/report.csv", "\n"), 1 + rows);
     assert_int_equal(count_in(FOLDER "/report.json", "\"group\""), rows);
+    assert_int_equal(count_in(FOLDER "/report.csv", "scene,group,name"), 1);
     assert_int_equal(count_in(FOLDER "/report.csv", "a lamp, worst of 3"), 1);
+    assert_int_equal(count_in(FOLDER "/index.html", "<h2>another.glb</h2>"), 1);
+    /* Each scene has a choice of its own. */
+    const ReportPlace other = {"another.glb", 4, 3};
+    assert_true(report_read_choice(FOLDER "/report.csv", &place, 8, &choice, &fault));
+    assert_string_equal(choice.name, "cheap");
+    assert_true(report_read_choice(FOLDER "/report.csv", &other, 8, &choice, &fault));
+    assert_string_equal(choice.name, "default");
     for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
         char row[REPORT_TEXT], shown[REPORT_TEXT];
         snprintf(row, sizeof row, "\"claim\",\"%s\"", report_claims[k].key);
