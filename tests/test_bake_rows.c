@@ -77,7 +77,8 @@ static double surface_share(const Rows *rows)
 
 static double trace(Rows *rows, Vec3 place, Vec3 normal, uint32_t rays, uint32_t stream)
 {
-    rows->entries = chiaro_row_trace(&rows->baker, place, normal, normal, rays, stream, &rows->scratch, &rows->facts);
+    rows->entries = chiaro_row_trace(&rows->baker, &place, 1, normal, normal, rays, stream, &rows->scratch,
+                                     &rows->facts);
     return surface_share(rows);
 }
 

@@ -173,7 +173,7 @@ void chiaro_bake_release(Baker *baker)
                    p->triangle_part, p->leaf_cumulative, baker->samples, baker->points, baker->leaf_weights,
                    baker->sky_directions, baker->sky_order, baker->nodes, baker->row_first, baker->rows, baker->vertices,
                    baker->vertex_receivers, baker->indices, baker->parts, baker->receivers, baker->receiver_plane,
-                   baker->receiver_share,
+                   baker->receiver_spread, baker->receiver_share,
                    baker->column_channel, baker->direct, baker->total, baker->carried, baker->irradiance, baker->more,
                    baker->clusters, baker->sample_cluster, baker->response[0], baker->response[1], baker->response[2],
                    baker->receiver_runs, baker->sample_links.blocks, baker->sample_links.nodes,

@@ -19,7 +19,7 @@
 #include "chiaro/chiaro_bake.h"
 
 /* Training lights are solved in blocks of this many. */
-enum { CHIARO_COLUMN_BLOCK = 32 };
+enum { CHIARO_COLUMN_BLOCK = 32, CHIARO_SPREAD = 8 };
 
 /* Sparse row of form factors: leaves, in their order, and the share of the cosine hemisphere that each takes. */
 typedef struct RowEntry {
@@ -85,6 +85,7 @@ typedef struct Baker {
     ChiaroPart *parts;
     ChiaroReceiver *receivers;
     Vec3 *receiver_plane; /* geometric normal at each receiver */
+    Vec3 *receiver_spread; /* CHIARO_SPREAD places about each receiver, where its rays start */
     float *receiver_share; /* what each counts: 1, or less where detail is finer than it need be for its light */
     uint32_t vertex_count, index_count, receiver_count;
 
@@ -173,10 +174,10 @@ typedef struct RowScratch {
 } RowScratch;
 bool chiaro_row_scratch_create(const Baker *baker, uint32_t rays, RowScratch *scratch);
 void chiaro_row_scratch_destroy(RowScratch *scratch);
-/* Row of a place into scratch->entries: rays (a power of two) about `normal`, mirrored above the plane whose normal is
- * `plane`. Returns the number of entries. */
-uint32_t chiaro_row_trace(const Baker *baker, Vec3 place, Vec3 normal, Vec3 plane, uint32_t rays, uint32_t stream,
-                          RowScratch *scratch, RowFacts *facts);
+/* Row into scratch->entries: rays (a power of two) from `count` places in turns, about `normal`, mirrored above the plane
+ * whose normal is `plane`. Returns the number of entries. */
+uint32_t chiaro_row_trace(const Baker *baker, const Vec3 *places, uint32_t count, Vec3 normal, Vec3 plane, uint32_t rays,
+                          uint32_t stream, RowScratch *scratch, RowFacts *facts);
 /* The same for a sample: rays start all over its patch. */
 uint32_t chiaro_row_trace_sample(const Baker *baker, uint32_t sample, uint32_t rays, RowScratch *scratch,
                                  RowFacts *facts);

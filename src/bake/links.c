@@ -144,8 +144,9 @@ static void link_receivers(uint32_t begin, uint32_t end, uint32_t thread, void *
             ChiaroReceiver *receiver = &baker->receivers[first + r];
             RowEntry *entries = worker->entries + (size_t)r * rays;
             RowFacts facts;
-            counts[r] = chiaro_row_trace(baker, vec3_load(receiver->position), vec3_load(receiver->normal),
-                                         baker->receiver_plane[first + r], rays, first + r, &worker->rays, &facts);
+            counts[r] = chiaro_row_trace(baker, baker->receiver_spread + (size_t)CHIARO_SPREAD * (first + r), CHIARO_SPREAD,
+                                         vec3_load(receiver->normal), baker->receiver_plane[first + r], rays, first + r,
+                                         &worker->rays, &facts);
             memcpy(entries, worker->rays.entries, counts[r] * sizeof *entries);
             store_facts(receiver, &facts);
             for (uint32_t e = 0; e < counts[r]; e++)

@@ -6,6 +6,8 @@
  *
  * Corners share a receiver if they share place and normal. A receiver that lies inside a solid (a floor under a block)
  * would bleed its darkness over the triangle's visible part: it moves along an edge to where the triangle comes out.
+ * It stands for the triangles around it, so its rays start all over their inner halves: at the foot of a low step, say, it
+ * is far brighter or darker than what it is interpolated over.
  */
 #include "../core/log.h"
 #include "../offline/parallel.h"
@@ -28,6 +30,8 @@ static const double MOST_A_RECEIVER = 4, MOST_VERTICES = 160e3, MOST_MORE = 1.25
 static const float USUAL_PART = 0.02f;
 /* A receiver is moved this part of the way to the middle of its triangles: a corner lies on two walls. */
 static const float INWARD = 0.02f;
+/* Its rays start up to this part of the way across its triangles; of those whose normal is nearly its own. */
+static const float SPREAD = 0.5f, LEVEL = 0.995f;
 /* Places this close, in edges of a square of the mean area a receiver, are one to light; and normals, one step of so many to
  * each side. */
 static const float SAME_PLACE = 0.1f;
@@ -164,7 +168,7 @@ static void size_edges(uint32_t begin, uint32_t end, uint32_t thread, void *user
         Edge *edge = &mesh->edges[e];
         Vec3 middle = vec3_scale(vec3_add(mesh->places[edge->a], mesh->places[edge->b]), 0.5f);
         RowFacts facts;
-        chiaro_row_trace(baker, middle, edge->normal, edge->normal, SIZING_RAYS, 0x20000000u + e,
+        chiaro_row_trace(baker, &middle, 1, edge->normal, edge->normal, SIZING_RAYS, 0x20000000u + e,
                          &mesh->scratch[thread], &facts);
         /* The sky is far away: where a part of the hemisphere is sky, the mean of 1 / distance is as much less. */
         float distance = facts.sky < 1 ? facts.free_path / (1 - facts.sky) : INFINITY;
@@ -376,6 +380,7 @@ typedef struct Draft {
     bool inside;
     float moved; /* how far along which edge it came out of a solid */
     Vec3 outside;
+    Vec3 spread[CHIARO_SPREAD]; /* where its rays start */
 } Draft;
 
 typedef struct Receivers {
@@ -383,6 +388,7 @@ typedef struct Receivers {
     Draft *drafts;
     uint32_t *of_vertex;
     uint32_t count;
+    uint32_t *star_first, *star; /* corners at each draft: 3 * triangle + corner */
 } Receivers;
 
 static bool draft_receivers(Receivers *receivers)
@@ -433,7 +439,7 @@ static bool draft_receivers(Receivers *receivers)
 static bool is_inside(const Mesh *mesh, Vec3 place, Vec3 normal, uint32_t stream, uint32_t thread)
 {
     RowFacts facts;
-    chiaro_row_trace(mesh->baker, place, normal, normal, SIZING_RAYS, stream, &mesh->scratch[thread], &facts);
+    chiaro_row_trace(mesh->baker, &place, 1, normal, normal, SIZING_RAYS, stream, &mesh->scratch[thread], &facts);
     return facts.behind > INSIDE;
 }
 
@@ -501,6 +507,71 @@ static bool move_outside(Receivers *receivers)
             receivers->drafts[r].place = receivers->drafts[r].outside;
     }
     free(ways);
+    return true;
+}
+
+/* Twice the area of a triangle of a draft's star; 0: it looks another way. */
+static double star_area(const Mesh *mesh, const Draft *draft, uint32_t star_corner)
+{
+    Vec3 cross = triangle_cross(mesh, &mesh->triangles[star_corner / 3]);
+    float area = vec3_length(cross);
+    return vec3_dot(cross, draft->plane) > LEVEL * area ? (double)area : 0;
+}
+
+/* From a triangle's corner part of the way to a place on the triangle; u, v: 0 .. 1. */
+static Vec3 star_way(const Mesh *mesh, uint32_t star_corner, float u, float v)
+{
+    const Triangle *triangle = &mesh->triangles[star_corner / 3];
+    int k = (int)(star_corner % 3);
+    Vec3 at = corner(mesh, triangle, k), a = vec3_sub(corner(mesh, triangle, (k + 1) % 3), at);
+    Vec3 b = vec3_sub(corner(mesh, triangle, (k + 2) % 3), at);
+    float root = SPREAD * sqrtf(u);
+    return vec3_add(vec3_scale(a, root * (1 - v)), vec3_scale(b, root * v));
+}
+
+/* Places spread evenly over the areas of a draft's triangles. What came out of a solid, or would be in one, stays. */
+static void spread_some(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    const Receivers *receivers = user;
+    const Mesh *mesh = receivers->mesh;
+    (void)thread;
+    for (uint32_t r = begin; r < end; r++) {
+        Draft *draft = &receivers->drafts[r];
+        const uint32_t *star = receivers->star + receivers->star_first[r];
+        uint32_t count = draft->inside ? 0 : draft->triangles, k = 0;
+        ChiaroRandom random = chiaro_random_seed(mesh->baker->desc.seed, (uint64_t)1 << 35 | r);
+        float u = chiaro_random_float(&random), v = chiaro_random_float(&random);
+        double all = 0, next = 0;
+        for (uint32_t s = 0; s < count; s++)
+            all += star_area(mesh, draft, star[s]);
+        for (uint32_t j = 0; j < CHIARO_SPREAD; j++) {
+            double wanted = (j + 0.5) / CHIARO_SPREAD * all;
+            while (k < count && next <= wanted)
+                next += star_area(mesh, draft, star[k++]);
+            draft->spread[j] = draft->place;
+            if (!(next > wanted))
+                continue;
+            /* Roberts' sequence: its steps come of the plastic number, as those of the golden section in one dimension. */
+            Vec3 place = vec3_add(draft->place, star_way(mesh, star[k - 1], fmodf(u + 0.754877666f * (float)j, 1),
+                                                         fmodf(v + 0.569840291f * (float)j, 1)));
+            if (!chiaro_rays_covered(mesh->baker->rays, place, draft->plane))
+                draft->spread[j] = place;
+        }
+    }
+}
+
+static bool spread_rays(Receivers *receivers)
+{
+    const Mesh *mesh = receivers->mesh;
+    uint32_t *next = receivers->star_first = calloc(receivers->count + (size_t)2, sizeof *receivers->star_first);
+    receivers->star = malloc((3 * (size_t)mesh->triangle_count + 1) * sizeof *receivers->star);
+    if (!next || !receivers->star)
+        return false;
+    for (uint32_t r = 0; r < receivers->count; r++)
+        next[r + 2] = next[r + 1] + receivers->drafts[r].triangles;
+    for (uint32_t c = 0; c < 3 * mesh->triangle_count; c++) /* `next` of a draft ends where the following one begins */
+        receivers->star[next[receivers->of_vertex[mesh->triangles[c / 3].vertex[c % 3]] + 1]++] = c;
+    chiaro_parallel_for(mesh->baker->desc.threads, receivers->count, 64, spread_some, receivers, NULL, NULL);
     return true;
 }
 
@@ -594,8 +665,10 @@ static bool finish(Receivers *receivers)
     baker->indices = malloc(3 * (size_t)mesh->triangle_count * sizeof *baker->indices);
     baker->receivers = calloc(n, sizeof *baker->receivers);
     baker->receiver_plane = malloc(n * sizeof *baker->receiver_plane);
+    baker->receiver_spread = malloc((size_t)CHIARO_SPREAD * n * sizeof *baker->receiver_spread);
     baker->receiver_share = calloc(n, sizeof *baker->receiver_share);
     if (!renamed || !order || !baker->parts || !baker->indices || !baker->receivers || !baker->receiver_plane ||
+        !baker->receiver_spread ||
         !baker->receiver_share || !deal_runs(receivers, order)) {
         free(renamed);
         free(order);
@@ -607,6 +680,7 @@ static bool finish(Receivers *receivers)
         vec3_store(baker->receivers[r].position, draft->place);
         vec3_store(baker->receivers[r].normal, draft->normal);
         baker->receiver_plane[r] = draft->plane;
+        memcpy(baker->receiver_spread + (size_t)CHIARO_SPREAD * r, draft->spread, sizeof draft->spread);
     }
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         receivers->of_vertex[v] = renamed[receivers->of_vertex[v]];
@@ -697,7 +771,7 @@ ChiaroResult chiaro_bake_mesh(Baker *baker)
     chiaro_parallel_for(threads, receivers.count, 64, find_inside, &receivers, NULL, NULL);
     if (!move_outside(&receivers))
         goto done;
-    result = merge_detail(&receivers) && finish(&receivers) ? CHIARO_OK : CHIARO_ERROR_MEMORY;
+    result = spread_rays(&receivers) && merge_detail(&receivers) && finish(&receivers) ? CHIARO_OK : CHIARO_ERROR_MEMORY;
 done:
     for (uint32_t t = 0; mesh.scratch && t < threads; t++)
         chiaro_row_scratch_destroy(&mesh.scratch[t]);
@@ -710,5 +784,7 @@ done:
     map_free(&mesh.wanted);
     free(receivers.drafts);
     free(receivers.of_vertex);
+    free(receivers.star_first);
+    free(receivers.star);
     return result;
 }

@@ -153,7 +153,7 @@ static void trace_places(uint32_t begin, uint32_t end, uint32_t thread, void *us
             from = job->origin[v];
             if (!(vec3_dot(normal, plane) > 0.05f))
                 normal = plane; /* a normal that points into the surface gets no light at all */
-            count = chiaro_row_trace(baker, from, normal, plane, baker->sample_rays, v, scratch, &facts);
+            count = chiaro_row_trace(baker, &from, 1, normal, plane, baker->sample_rays, v, scratch, &facts);
         }
         keep_row(job, &job->places[i], from, scratch->entries, count, &facts);
     }

@@ -176,23 +176,15 @@ static float local_size(const Baker *baker, const Sizing *sizing, uint32_t small
     return baker->info.patch_size / sqrtf(chiaro_sizing_density(sizing, triangle, u, v));
 }
 
-/* True if what lies over this place is seen from behind: it is inside a solid that stands on the surface. */
-static bool is_covered(const Baker *baker, Vec3 place, Vec3 normal)
-{
-    ChiaroHit hit;
-    place = vec3_mad(place, normal, chiaro_rays_epsilon(baker->rays));
-    return chiaro_rays_hit(baker->rays, place, normal, 0, INFINITY, &hit) && !hit.front;
-}
-
 /* Where a small triangle is: its centre, or near that corner at which it comes out from under a solid. */
 static Vec3 small_place(const Baker *baker, const Vec3 corner[3], Vec3 normal)
 {
     Vec3 center = vec3_scale(vec3_add(corner[0], vec3_add(corner[1], corner[2])), 1.0f / 3);
-    if (!is_covered(baker, center, normal))
+    if (!chiaro_rays_covered(baker->rays, center, normal))
         return center;
     for (int k = 0; k < 3; k++) {
         Vec3 place = vec3_mad(vec3_scale(center, 1 - CORNERWARD), corner[k], CORNERWARD);
-        if (!is_covered(baker, place, normal))
+        if (!chiaro_rays_covered(baker->rays, place, normal))
             return place;
     }
     return center;

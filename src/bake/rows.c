@@ -150,14 +150,14 @@ static Vec3 above(Vec3 direction, Vec3 plane)
     return below < 0 ? vec3_mad(direction, plane, -2 * below) : direction;
 }
 
-uint32_t chiaro_row_trace(const Baker *baker, Vec3 place, Vec3 normal, Vec3 plane, uint32_t rays, uint32_t stream,
-                          RowScratch *row, RowFacts *facts)
+uint32_t chiaro_row_trace(const Baker *baker, const Vec3 *places, uint32_t count, Vec3 normal, Vec3 plane, uint32_t rays,
+                          uint32_t stream, RowScratch *row, RowFacts *facts)
 {
     Gather gather = {.row = row};
     ChiaroRandom random = chiaro_random_seed(baker->desc.seed, 0x100000000u + stream);
-    uint32_t a = chiaro_random_bits(&random), b = chiaro_random_bits(&random);
-    Vec3 origin = vec3_mad(place, plane, chiaro_rays_epsilon(baker->rays));
+    uint32_t a = chiaro_random_bits(&random), b = chiaro_random_bits(&random), c = chiaro_random_bits(&random);
     for (uint32_t i = 0; i < rays; i++) {
+        Vec3 origin = vec3_mad(places[shuffled(i, c) % count], plane, chiaro_rays_epsilon(baker->rays));
         Vec3 direction = vec3_cosine_direction(normal, unit_float(sobol_first(i) ^ a), unit_float(sobol_second(i) ^ b));
         shoot(baker, origin, above(direction, plane), &gather);
     }

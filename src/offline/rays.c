@@ -234,6 +234,12 @@ bool chiaro_rays_parted(const ChiaroRays *rays, Vec3 from, Vec3 to)
     return distance > 0 && chiaro_rays_blocked(rays, from, vec3_scale(way, 1 / distance), 0, distance);
 }
 
+bool chiaro_rays_covered(const ChiaroRays *rays, Vec3 place, Vec3 normal)
+{
+    ChiaroHit hit;
+    return chiaro_rays_hit(rays, vec3_mad(place, normal, rays->epsilon), normal, 0, INFINITY, &hit) && !hit.front;
+}
+
 float chiaro_rays_epsilon(const ChiaroRays *rays) { return rays->epsilon; }
 
 bool chiaro_rays_light_visible(const ChiaroRays *rays, const ChiaroLight *light, Vec3 point, Vec3 normal)

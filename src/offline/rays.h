@@ -29,6 +29,9 @@ bool chiaro_rays_blocked(const ChiaroRays *rays, Vec3 origin, Vec3 direction, fl
 /* True if anything stands between two places. */
 bool chiaro_rays_parted(const ChiaroRays *rays, Vec3 from, Vec3 to);
 
+/* True if what lies over a place on a surface is seen from behind: a solid stands there. */
+bool chiaro_rays_covered(const ChiaroRays *rays, Vec3 place, Vec3 normal);
+
 /* A length below which geometry of this scene is not resolved: for tmin and for starting points off a surface.
  * 1e-5 of the bounding box's diagonal, or 1e-6 of the largest coordinate (8 steps of a float) where that is more. */
 float chiaro_rays_epsilon(const ChiaroRays *rays);
