@@ -133,7 +133,8 @@ static void bench_baselines(Bench *bench)
         ChiaroIoImage picture;
         for (size_t i = 0; i < 3 * (size_t)t->receiver_count; i++)
             irradiance[i] = kind == 0 ? 0 : kind == 1 ? 1 : t->receivers[i / 3].cavity[i % 3];
-        if (!picture_draw(t, &camera, SIZE, SIZE, irradiance, &picture))
+        const PictureView view = {&camera, SIZE, SIZE};
+        if (!picture_draw(t, &view, irradiance, &picture))
             options_fail(&bench->options, CHIARO_EXIT_INPUT, "out of memory");
         metrics_scale_best(&bench->reference, &picture);
         Metrics metrics = compare(bench, &picture);

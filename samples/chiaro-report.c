@@ -1,6 +1,8 @@
 /* Error against run time of any scene: a page, a table, and the settings that fit a budget. */
+#include "common/json.h"
 #include "common/report.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -10,6 +12,7 @@ static const char help[] =
     "report.json: error against frame time, error by cause, lights and objects that move under a budget, baselines, how\n"
     "cost grows. The files are written anew after each part: if it is interrupted, what was finished is there.\n"
     "  --quick         small bakes, few paths: minutes instead of hours\n"
+    "  --no-sweep      bakes no other settings of the static scene than the default and the most links\n"
     "  --no-scaling    leaves out how cost grows\n"
     "  --device N|NAME which Vulkan device\n"
     "  --suggest MS    prints, for each scene, the settings with the least error whose frame takes at most so long here\n";
@@ -18,13 +21,15 @@ static Report take_options(int argc, char **argv)
 {
     Report report = {.options = {.program = "chiaro-report", .usage = help}};
     SceneOptions *options = &report.options;
-    bool scaling = true;
+    bool sweep = true, scaling = true;
     report.scenes = report_alloc(&report, (size_t)argc, sizeof *report.scenes);
     for (int i = 1; i < argc; i++) {
         if (argv[i][0] != '-')
             report.scenes[report.scene_count++].input = argv[i];
         else if (strcmp(argv[i], "--quick") == 0)
             report.quick = true;
+        else if (strcmp(argv[i], "--no-sweep") == 0)
+            sweep = false;
         else if (strcmp(argv[i], "--no-scaling") == 0)
             scaling = false;
         else if (strcmp(argv[i], "--device") == 0)
@@ -39,7 +44,9 @@ static Report take_options(int argc, char **argv)
     if (!options->output || strlen(options->output) > REPORT_PATH / 2)
         options_fail(options, CHIARO_EXIT_USAGE, "-o FOLDER is missing, or too long");
     report.folder = options->output;
-    report.scaling = scaling;
+    report.sweep = sweep, report.scaling = scaling;
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++)
+        report.measured[k] = (double)NAN;
     return report;
 }
 
@@ -66,6 +73,30 @@ static void suggest(const Report *report)
         printf("%s; %.2f ms, relRMSE of indirect %.4f\n", p->links ? "" : " --gi off",
                report_frame_ms(scene, p), p->indirect.relrmse);
     }
+}
+
+/* Where the files are, and what of the README does not hold here. */
+static void tell(const Report *report)
+{
+    uint32_t broken = 0;
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
+        double claimed = report_claims[k].claimed, measured = report->measured[k];
+        if (!isfinite(claimed) || !isfinite(measured) || report_claim_holds(&report_claims[k], measured))
+            continue;
+        broken++;
+        if (!report->options.json)
+            printf("does not hold here: %s [%s]: %.4g\n", report_claims[k].says, report_claims[k].key, measured);
+    }
+    if (!report->options.json) {
+        printf("%s/index.html\n", report->folder);
+        return;
+    }
+    Json json = json_begin(stdout);
+    json_text(&json, "folder", report->folder);
+    json_text(&json, "device", report->device);
+    json_number(&json, "scenes", report->scene_count);
+    json_number(&json, "claims_broken", broken);
+    json_end(&json);
 }
 
 static void release(Report *report)
@@ -98,14 +129,16 @@ int main(int argc, char **argv)
         report_scene(&report, scene);
         report_write(&report);
     }
+    report_measure_claims(&report);
+    report_write(&report);
     if (report.scaling) {
         report_scaling(&report, &report.scenes[0]);
         report_write(&report);
     }
-    if (report.suggest_ms > 0)
+    if (report.suggest_ms > 0 && !report.options.json)
         suggest(&report);
-    if (!report.options.quiet && report.suggest_ms == 0)
-        printf("%s/index.html\n", report.folder);
+    if (report.options.json || (!report.options.quiet && report.suggest_ms == 0))
+        tell(&report);
     release(&report);
     progress_end(&heard);
     return CHIARO_EXIT_OK;

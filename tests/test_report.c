@@ -5,6 +5,7 @@
 #include <stddef.h>
 
 #include <cmocka.h>
+#include <ctype.h>
 #include <string.h>
 
 #include "../samples/common/report_objects.h"
@@ -116,6 +117,58 @@ static void a_choice_is_for_the_scene_and_the_size_that_were_measured(void **sta
     free(scene);
 }
 
+/* How often a word stands in a file. */
+static uint32_t count_in(const char *path, const char *word)
+{
+    ChiaroIoFile file;
+    ChiaroIoError error;
+    uint32_t count = 0;
+    assert_true(chiaro_io_map(path, &file, &error));
+    char *text = new_array(file.size, 1);
+    memcpy(text, file.data, file.size);
+    for (const char *at = text; (at = strstr(at, word)) != NULL; at++)
+        count++;
+    chiaro_io_unmap(&file);
+    free(text);
+    return count;
+}
+
+static void every_file_has_every_row(void **state)
+{
+    (void)state;
+    ReportScene *scene = new_array(2, sizeof *scene);
+    Report report = made_report(scene);
+    scene[1] = *scene, scene[1].input = "another.glb", scene[1].points[0].frame.median = 7;
+    report.scene_count = 2;
+    scene->lamps[0] = (ReportLamps){.name = "a lamp", .count = 3, .median = 0.1, .worst = 0.2, .mean_ratio = 1};
+    report.measured[CLAIM_PLUGIN] = 123.456;
+    report_write(&report);
+    uint32_t rows = 2 * scene->point_count + 2 + REPORT_CLAIMS;
+    ReportPoint choice;
+    const char *fault;
+    assert_int_equal(count_in(FOLDER "/report.csv", "\n"), 1 + rows);
+    assert_int_equal(count_in(FOLDER "/report.json", "\"group\""), rows);
+    assert_int_equal(count_in(FOLDER "/report.csv", "scene,group,name"), 1);
+    assert_int_equal(count_in(FOLDER "/report.csv", "a lamp, worst of 3"), 1);
+    assert_int_equal(count_in(FOLDER "/index.html", "<h2>another.glb</h2>"), 1);
+    /* Each scene has a choice of its own. */
+    const ReportPlace other = {"another.glb", 4, 3};
+    assert_true(report_read_choice(FOLDER "/report.csv", &place, 8, &choice, &fault));
+    assert_string_equal(choice.name, "cheap");
+    assert_true(report_read_choice(FOLDER "/report.csv", &other, 8, &choice, &fault));
+    assert_string_equal(choice.name, "default");
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
+        char row[REPORT_TEXT], shown[REPORT_TEXT];
+        snprintf(row, sizeof row, "\"claim\",\"%s\"", report_claims[k].key);
+        snprintf(shown, sizeof shown, "<td>[%s]</td>", report_claims[k].key);
+        assert_int_equal(count_in(FOLDER "/report.csv", row), 1);
+        assert_int_equal(count_in(FOLDER "/index.html", shown), 1);
+    }
+    assert_int_equal(count_in(FOLDER "/report.csv", ",280,123.456\n"), 1);
+    assert_int_equal(count_in(FOLDER "/index.html", "<td>123.5</td>"), 1);
+    free(scene);
+}
+
 static void objects_take_their_part_of_a_budget(void **state)
 {
     (void)state;
@@ -209,6 +262,150 @@ static void the_truth_has_objects_where_the_module_has_them_and_none_meet(void *
     free(scene);
 }
 
+/* In an empty box light comes out right, and what glows there is not in it; a wrong albedo shows. */
+static void lamps_elsewhere_are_held_against_the_truth(void **state)
+{
+    (void)state;
+    const SceneRequest request = {.has_albedo = true, .albedo = 0.5f};
+    const ChiaroBakeDesc desc = {.struct_size = sizeof desc, .samples = 1024, .rays = 256, .receivers = 512};
+    Report report = {.options = {.program = "test", .quiet = true}, .quick = true};
+    const char *fault;
+    TestScene made;
+    ChiaroBlob blob;
+    ChiaroTransport transport;
+    ChiaroRays *rays;
+    assert_true(scenes_make("furnace", &request, &made, &fault));
+    ReportScene *scene = new_array(1, sizeof *scene);
+    scene->read.scene = made.scene;
+    assert_int_equal(chiaro_rays_create(&made.scene, NULL, &rays), CHIARO_OK);
+    assert_int_equal(chiaro_bake(&made.scene, &desc, &blob), CHIARO_OK);
+    assert_int_equal(chiaro_transport_open(blob.data, blob.size, &transport, NULL), CHIARO_OK);
+    report.measured[CLAIM_LAMPS] = (double)NAN;
+    report_lamps(&report, scene, &transport, rays, 1);
+    for (uint32_t k = 0; k < REPORT_LAMPS; k++) {
+        const ReportLamps *lamps = &scene->lamps[k];
+        printf("  %s: median %.4f, worst %.4f, ratio %.4f\n", lamps->name, lamps->median, lamps->worst,
+               lamps->mean_ratio);
+        assert_int_equal(lamps->count, 4);
+        assert_true(lamps->median > 0 && lamps->worst >= lamps->median);
+    }
+    /* Near a wall, which is half a patch away, it is the bake that is judged. */
+    assert_below("median", 0, scene->lamps[0].median, 0.1);
+    assert_near("mean ratio", 0, scene->lamps[0].mean_ratio, 1, 0.03);
+    assert_near("row", 0, report.measured[CLAIM_LAMPS], 100 * scene->lamps[REPORT_LAMPS - 1].median, 1e-9);
+    /* The same links beside another truth. */
+    ChiaroMaterial *darker = new_array(made.scene.material_count, sizeof *darker);
+    memcpy(darker, made.scene.materials, made.scene.material_count * sizeof *darker);
+    for (uint32_t m = 0; m < made.scene.material_count; m++)
+        darker[m].albedo[0] = 0.25f;
+    scene->read.scene.materials = darker;
+    report_lamps(&report, scene, &transport, rays, 1);
+    assert_true(scene->lamps[0].median > 0.2 && scene->lamps[0].mean_ratio > 1.1);
+    chiaro_blob_free(&blob);
+    chiaro_rays_destroy(rays);
+    scenes_free(&made);
+    free(darker);
+    free(scene);
+}
+
+/* ---- what the README says ----------------------------------------------------------------------------------------- */
+
+/* The README with single spaces. */
+static char *read_readme(void)
+{
+    ChiaroIoFile file;
+    ChiaroIoError error;
+    assert_true(chiaro_io_map("README.md", &file, &error));
+    char *text = new_array(file.size, 1), *out = text;
+    const char *in = file.data;
+    for (size_t i = 0; i < file.size; i++) {
+        bool space = isspace((unsigned char)in[i]);
+        if (!space || (out > text && out[-1] != ' '))
+            *out++ = space ? ' ' : in[i];
+    }
+    chiaro_io_unmap(&file);
+    return text;
+}
+
+/* Every claim stands there, with its key; every key there is one of a claim. */
+static void every_claim_of_the_readme_is_a_row(void **state)
+{
+    (void)state;
+    char *text = read_readme(), wanted[256];
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
+        const ReportClaim *claim = &report_claims[k];
+        snprintf(wanted, sizeof wanted, "%s [%s]", claim->says, claim->key);
+        if (!strstr(text, wanted))
+            fail_msg("the README does not say: %s", wanted);
+        assert_int_equal(isnan(claim->claimed), k == CLAIM_LAMPS);
+    }
+    for (const char *at = text; (at = strchr(at, '[')) != NULL; at++) {
+        size_t length = strspn(at + 1, "abcdefghijklmnopqrstuvwxyz-");
+        bool known = at[length + 1] != ']' || length == 0;
+        for (uint32_t k = 0; k < REPORT_CLAIMS && !known; k++)
+            known = strlen(report_claims[k].key) == length && strncmp(report_claims[k].key, at + 1, length) == 0;
+        if (!known)
+            fail_msg("no row of the report is called %.*s", (int)length + 2, at);
+    }
+    free(text);
+}
+
+/* True if what begins at `at` lies within a claim. */
+static bool is_claimed(const char *text, const char *at)
+{
+    bool inside = false;
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
+        const char *says = strstr(text, report_claims[k].says);
+        inside |= says && at >= says && at < says + strlen(report_claims[k].says);
+    }
+    return inside;
+}
+
+/* A number with a unit that is measured is no row by accident. */
+static void no_figure_of_the_readme_is_without_a_row(void **state)
+{
+    (void)state;
+    static const char *const units[] = {" %", " KiB", " MiB", " cm", " degrees", " ms", " s ", " minutes", " lines",
+                                        " times"};
+    char *text = read_readme();
+    uint32_t figures = 0;
+    for (const char *at = text; *at; at++) {
+        bool begins = isdigit((unsigned char)*at) && (at == text || !isalnum((unsigned char)at[-1]));
+        const char *end = at + strspn(at, "0123456789.,");
+        for (size_t k = 0; begins && k < sizeof units / sizeof *units; k++) {
+            if (strncmp(end, units[k], strlen(units[k])) != 0)
+                continue;
+            figures++;
+            if (!is_claimed(text, at))
+                fail_msg("no row of the report says: %.60s", at);
+        }
+    }
+    assert_true(figures >= 6);
+    free(text);
+}
+
+static void claims_about_the_house_hold(void **state)
+{
+    (void)state;
+    Report *report = new_array(1, sizeof *report);
+    report->options = (SceneOptions){.program = "test", .quiet = true};
+    report->quick = true;
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++)
+        report->measured[k] = (double)NAN;
+    report_measure_claims(report);
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
+        bool of_scenes = k == CLAIM_IDLE || k == CLAIM_LAMPS;
+        printf("  %-12s claimed %6.4g, measured %8.4g\n", report_claims[k].key, report_claims[k].claimed,
+               report->measured[k]);
+        assert_int_equal(isnan(report->measured[k]), of_scenes);
+#ifndef NDEBUG
+        of_scenes |= k == CLAIM_PLUGIN; /* sizes of other configurations are nobody's */
+#endif
+        assert_true(of_scenes || report_claim_holds(&report_claims[k], report->measured[k]));
+    }
+    free(report);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -216,9 +413,14 @@ int main(void)
         cmocka_unit_test(a_power_is_found),
         cmocka_unit_test(the_choice_is_read_back_from_the_file),
         cmocka_unit_test(a_choice_is_for_the_scene_and_the_size_that_were_measured),
+        cmocka_unit_test(every_file_has_every_row),
         cmocka_unit_test(objects_take_their_part_of_a_budget),
         cmocka_unit_test(the_truth_has_objects_where_the_module_has_them_and_none_meet),
         cmocka_unit_test(the_page_needs_nothing_else),
+        cmocka_unit_test(lamps_elsewhere_are_held_against_the_truth),
+        cmocka_unit_test(every_claim_of_the_readme_is_a_row),
+        cmocka_unit_test(no_figure_of_the_readme_is_without_a_row),
+        cmocka_unit_test(claims_about_the_house_hold),
     };
     return cmocka_run_group_tests(tests, make_folder, NULL);
 }

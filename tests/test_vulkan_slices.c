@@ -8,7 +8,8 @@
 #include <math.h>
 
 #include "common/clock.h"
-#include "common/stage.h"
+#include "common/moving.h"
+#include "common/play.h"
 
 static const MadeTransportDesc made = {.mesh_steps = 24, .sample_steps = 24, .points = 3, .links = 24, .sky = true};
 
@@ -20,16 +21,27 @@ typedef struct Room {
     uint32_t receivers;
 } Room;
 
-static Room open_sliced_room(bool sliced)
+static Room begin_room(bool sliced)
 {
     Room room = {.stage = open_stage((HostDesc){0}), .mesh = open_room()};
     ChiaroVulkanDesc desc = host_chiaro_desc(&room.stage.host);
     desc.sliced = sliced;
     desc.clock.now = world_time;
     create_context_as(&room.stage, desc);
+    return room;
+}
+
+static void end_room(Room *room, const ChiaroTransport *transport)
+{
+    room->receivers = transport->receiver_count;
+    must(&room->stage, host_buffer_create(&room->stage.host, 16 * (VkDeviceSize)room->receivers, &room->copy));
+}
+
+static Room open_sliced_room(bool sliced)
+{
+    Room room = begin_room(sliced);
     load(&room.stage, &room.mesh.scene, &made);
-    room.receivers = room.stage.transport.receiver_count;
-    must(&room.stage, host_buffer_create(&room.stage.host, 16 * (VkDeviceSize)room.receivers, &room.copy));
+    end_room(&room, &room.stage.transport);
     return room;
 }
 
@@ -164,6 +176,41 @@ static void nothing_pops(void **state)
     close_room(&room);
 }
 
+/* Passes follow each other without a pause, and what is shown goes over all the time: the world hears of each pass. */
+static void objects_see_the_light_of_lamps_that_never_rest(void **state)
+{
+    (void)state;
+    enum { LATE = 12, FRAMES = 3 * (7 + 8) + LATE }; /* the stated bound, and the way to the world and back */
+    const float place[3] = {0, 0.8f, 0}, down[3] = {0, -1, 0}, strengths[3] = {2, 4, 10};
+    Room room = begin_room(true);
+    Lit lit = lit_make(&room.mesh.scene, NULL, 256);
+    Shape shape = make_shape("box", 0.3f);
+    float transform[16], light[3][3];
+    moved_to(transform, vec3(-1, 0.3f, 1), 0, 1);
+    load_transport(&room.stage, &lit.transport);
+    end_room(&room, &lit.transport);
+    Play play = {.stage = room.stage, .world = make_world(4, CHIARO_CUBE_HALF, &lit.transport)};
+    load_objects(&play, &shape.made.scene, &shape.object);
+    add_object(&play, &shape.object, transform);
+    room.stage = play.stage;
+    for (uint32_t k = 0; k < 3; k++) {
+        for (uint32_t frame = 0; frame < FRAMES; frame++) {
+            ChiaroLight lamp = point_light(vec3(0.5f + 0.01f * (float)(frame % 2), 1, 0.3f), strengths[k]);
+            assert_int_equal(room.stage.api->lights_set(room.stage.chiaro, &lamp, 1), CHIARO_OK);
+            run(&room, stats_of(&room).pass_units / 7 + 1);
+            assert_true(stats_of(&room).light_age > 0);
+        }
+        assert_int_equal(chiaro_world_irradiance(play.world, place, 0.1f, down, light[k]), CHIARO_OK);
+    }
+    float least = light[1][0] - light[0][0], most = light[2][0] - light[0][0]; /* a wall glows */
+    assert_true(least > 0);
+    assert_near("four times the light", 0, (double)most, 4 * (double)least, 0.05 * (double)most);
+    close_room(&room);
+    chiaro_world_destroy(play.world);
+    free_shape(&shape);
+    lit_free(&lit);
+}
+
 static void what_is_up_to_date_costs_nothing(void **state)
 {
     (void)state;
@@ -209,6 +256,7 @@ int main(void)
         cmocka_unit_test(slices_end_in_the_bits_of_a_whole_pass_within_the_stated_frames),
         cmocka_unit_test(a_scene_that_was_just_loaded_goes_from_dark_to_light),
         cmocka_unit_test(nothing_pops),
+        cmocka_unit_test(objects_see_the_light_of_lamps_that_never_rest),
         cmocka_unit_test(what_is_up_to_date_costs_nothing),
         cmocka_unit_test(limits_that_cannot_be_kept_are_refused),
     };

@@ -33,33 +33,73 @@ bool picture_hit(const ChiaroRays *rays, Vec3 origin, Vec3 direction, float end,
     return false;
 }
 
-bool picture_draw(const ChiaroTransport *transport, const ChiaroCamera *camera, uint32_t width, uint32_t height,
-                  const float *irradiance, ChiaroIoImage *picture)
+/* What a pixel shows. */
+typedef void (*PixelFunc)(const ChiaroTransport *transport, const ChiaroScene *drawn, size_t pixel,
+                          const ChiaroHit *hit, void *user);
+
+/* Pixels that show a surface. False: out of memory. */
+static bool each_pixel(const ChiaroTransport *transport, const PictureView *view, PixelFunc func, void *user)
 {
+    const ChiaroCamera *camera = view->camera;
     ChiaroScene drawn = transport->scene;
     ChiaroRays *rays;
     drawn.vertices = transport->vertices, drawn.vertex_count = transport->vertex_count;
     drawn.indices = transport->indices, drawn.index_count = transport->index_count;
     drawn.parts = transport->parts;
-    *picture = (ChiaroIoImage){width, height, 4, calloc((size_t)width * height * 4, sizeof(float))};
-    if (!picture->pixels || chiaro_rays_create(&drawn, NULL, &rays) != CHIARO_OK) {
-        free(picture->pixels);
+    if (chiaro_rays_create(&drawn, NULL, &rays) != CHIARO_OK)
         return false;
-    }
     Vec3 forward = vec3_load(camera->forward), up = vec3_load(camera->up), right = vec3_cross(forward, up);
-    float half = tanf(camera->yfov / 2), aspect = (float)width / (float)height;
-    for (uint32_t y = 0; y < height; y++) {
-        for (uint32_t x = 0; x < width; x++) {
-            float s = (2 * ((float)x + 0.5f) / (float)width - 1) * half * aspect;
-            float t = (1 - 2 * ((float)y + 0.5f) / (float)height) * half;
+    float half = tanf(camera->yfov / 2), aspect = (float)view->width / (float)view->height;
+    for (uint32_t y = 0; y < view->height; y++) {
+        for (uint32_t x = 0; x < view->width; x++) {
+            float s = (2 * ((float)x + 0.5f) / (float)view->width - 1) * half * aspect;
+            float t = (1 - 2 * ((float)y + 0.5f) / (float)view->height) * half;
             Vec3 direction = vec3_normalize(vec3_mad(vec3_mad(forward, right, s), up, t));
             ChiaroHit hit;
             if (picture_hit(rays, vec3_load(camera->eye), direction, INFINITY, &hit))
-                shade(&drawn, transport, &hit, irradiance, picture->pixels + 4 * ((size_t)y * width + x));
+                func(transport, &drawn, (size_t)y * view->width + x, &hit, user);
         }
     }
     chiaro_rays_destroy(rays);
     return true;
+}
+
+typedef struct Drawing {
+    const float *irradiance;
+    float *pixels;
+} Drawing;
+
+static void draw_pixel(const ChiaroTransport *transport, const ChiaroScene *drawn, size_t pixel, const ChiaroHit *hit,
+                       void *user)
+{
+    const Drawing *drawing = user;
+    shade(drawn, transport, hit, drawing->irradiance, drawing->pixels + 4 * pixel);
+}
+
+bool picture_draw(const ChiaroTransport *transport, const PictureView *view, const float *irradiance,
+                  ChiaroIoImage *picture)
+{
+    *picture = (ChiaroIoImage){view->width, view->height, 4,
+                               calloc((size_t)view->width * view->height * 4, sizeof(float))};
+    Drawing drawing = {irradiance, picture->pixels};
+    if (picture->pixels && each_pixel(transport, view, draw_pixel, &drawing))
+        return true;
+    free(picture->pixels);
+    return false;
+}
+
+static void see_pixel(const ChiaroTransport *transport, const ChiaroScene *drawn, size_t pixel, const ChiaroHit *hit,
+                      void *user)
+{
+    bool *seen = user;
+    (void)pixel;
+    for (uint32_t k = 0; k < 3; k++)
+        seen[transport->vertex_receivers[drawn->indices[3 * hit->triangle + k]]] = true;
+}
+
+bool picture_receivers(const ChiaroTransport *transport, const PictureView *view, bool *seen)
+{
+    return each_pixel(transport, view, see_pixel, seen);
 }
 
 static bool ends_with(const char *text, const char *end)

@@ -9,10 +9,17 @@
 /* The nearest surface before `end` that is drawn: surfaces that are seen from behind are not. `direction` unit. */
 bool picture_hit(const ChiaroRays *rays, Vec3 origin, Vec3 direction, float end, ChiaroHit *hit);
 
+typedef struct PictureView {
+    const ChiaroCamera *camera;
+    uint32_t width, height;
+} PictureView;
+
 /* Radiance albedo / pi * irradiance through pixel centres, irradiance interpolated over the drawn mesh.
  * `irradiance`: 3 * receiver_count floats. Allocates picture->pixels (RGBA, alpha 1 at surfaces). False: out of memory. */
-bool picture_draw(const ChiaroTransport *transport, const ChiaroCamera *camera, uint32_t width, uint32_t height,
-                  const float *irradiance, ChiaroIoImage *picture);
+bool picture_draw(const ChiaroTransport *transport, const PictureView *view, const float *irradiance,
+                  ChiaroIoImage *picture);
+/* Sets those of receiver_count that such a picture shows anything of. False: out of memory. */
+bool picture_receivers(const ChiaroTransport *transport, const PictureView *view, bool *seen);
 
 /* What a file's name says that it holds. */
 bool picture_is_exr(const char *path);

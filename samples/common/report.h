@@ -4,6 +4,8 @@
  *   report_objects.c    objects: their cubes, neighbours and elements; what each idea does for them
  *   report_motion.c     lights and objects that move under a budget, each frame against the truth of that frame
  *   report_baselines.c  what engines do instead, and the article taken literally
+ *   report_lamps.c      lamps where nobody hung one
+ *   report_claims.c     what the README claims
  *   report_scaling.c    how cost grows
  *   report_write.c      report.csv, report.json, the table and the choice for a budget
  *   report_html.c       index.html, with its plots
@@ -12,6 +14,7 @@
 #define CHIARO_REPORT_H
 
 #include "../../src/io/io.h"
+#include "../../src/offline/parallel.h"
 #include "../../src/offline/rays.h"
 #include "../../src/reference/reference.h"
 #include "chiaro/chiaro_bake.h"
@@ -23,7 +26,7 @@
 
 enum { REPORT_TEXT = 96, REPORT_POINTS = 48, REPORT_TASKS = 5, REPORT_SERIES = 16, REPORT_VALUES = 32, REPORT_CAUSES = 8,
        REPORT_PICTURES = 12, REPORT_PATH = 1024, REPORT_SPEEDS = 2, REPORT_BUDGETS = 5,
-       REPORT_PASSES = 8 };
+       REPORT_PASSES = 8, REPORT_LAMPS = 2 };
 
 typedef struct ReportTiming {
     double median, p95; /* ms; negative: not measured */
@@ -60,6 +63,22 @@ typedef struct ReportCause {
     double relrmse;
 } ReportCause;
 
+/* What the README says, with a key behind it in brackets. */
+typedef struct ReportClaim {
+    const char *key, *says, *unit;
+    double claimed, slack; /* NAN: no figure is claimed */
+} ReportClaim;
+
+enum { CLAIM_PLUGIN, CLAIM_LINES_DRAW, CLAIM_LINES_LIGHT, CLAIM_DARK, CLAIM_IDLE, CLAIM_AGE, CLAIM_CROWD, CLAIM_FAR,
+       CLAIM_WHITE, CLAIM_SUN, CLAIM_LAMPS, REPORT_CLAIMS };
+
+/* Errors of lamps one by one: relRMSE of indirect light where each shines. */
+typedef struct ReportLamps {
+    const char *name;
+    uint32_t count;
+    double median, worst, mean_ratio;
+} ReportLamps;
+
 typedef struct ReportPicture {
     char title[REPORT_TEXT];
     ChiaroIoImage image; /* ready to be shown: 0 .. 1, tone mapped */
@@ -82,19 +101,22 @@ typedef struct ReportScene {
     ReportPoint objects[REPORT_POINTS]; /* settings for objects, and last of them what costs nothing */
     ReportPoint motion[REPORT_SPEEDS * REPORT_BUDGETS];
     double moment_noise, motion_noise;     /* of their truths, at most */
+    double object_noise;                   /* of the pixels that show an object, at most */
     ReportSeries budgets[REPORT_SPEEDS];   /* error against the part of all work that a frame may do, for each speed */
     ReportSeries frames[REPORT_BUDGETS];   /* error frame by frame, at the greatest speed */
+    ReportLamps lamps[REPORT_LAMPS];
 } ReportScene;
 
 typedef struct Report {
     SceneOptions options;
     const char *folder, *device_name; /* NULL: any device */
-    bool quick, scaling;
+    bool quick, sweep, scaling;
     double suggest_ms; /* 0: not asked for */
     ChiaroSky sky;
     ReportScene *scenes;
     uint32_t scene_count, series_count;
     ReportSeries series[REPORT_SERIES];
+    double measured[REPORT_CLAIMS]; /* of the README; NAN: not measured here */
     char device[256];
 } Report;
 
@@ -110,6 +132,9 @@ typedef struct ReportStep {
 void report_begin(const Report *report, const char *name, ReportStep *step);
 /* `done`: 0 .. 1. */
 void report_continue(ReportStep *step, double done);
+uint32_t report_threads(const Report *report);
+/* Work on [0, count) on all cores, a part of a step. What comes out must not depend on which thread ran what. */
+void report_each(ReportStep *step, uint32_t count, ChiaroRangeFunc body, void *user);
 /* One line to stderr: what was done, and how long it took. @return seconds. */
 double report_end(ReportStep *step);
 void *report_alloc(const Report *report, size_t count, size_t size);
@@ -123,6 +148,7 @@ typedef struct ReportView {
     const char *name; /* NULL: part of a longer step */
     uint32_t width, height, spp;
     uint32_t passes; /* of so many paths, at most, until there is little noise */
+    uint32_t half;   /* 1, 2: of two that are independent, with half the paths each; their mean has little noise */
 } ReportView;
 void report_trace(const Report *report, const ReportScene *scene, const ChiaroScene *what, const ChiaroLight *lights,
                   const ReportView *view, ChiaroReferenceImages *images);
@@ -157,6 +183,16 @@ void report_objects(Report *report, ReportScene *scene, ReportDevice *device, co
 /* --- report_motion.c --- */
 void report_motion(Report *report, ReportScene *scene, ReportDevice *device, const ChiaroTransport *t,
                    const ChiaroRays *rays, float size);
+
+/* --- report_lamps.c --- */
+void report_lamps(Report *report, ReportScene *scene, const ChiaroTransport *t, const ChiaroRays *rays, float size);
+
+/* --- report_claims.c --- */
+extern const ReportClaim report_claims[REPORT_CLAIMS];
+/* False where nothing was claimed, or measured. */
+bool report_claim_holds(const ReportClaim *claim, double measured);
+/* Those that have nothing to do with a scene. */
+void report_measure_claims(Report *report);
 
 /* --- report_scaling.c --- */
 void report_fit(ReportSeries *series);

@@ -24,7 +24,8 @@ static ReportPoint *add_baseline(Report *report, ReportScene *scene, const Chiar
     const ChiaroIoImage *truth = scene->truth;
     ReportPoint *point = report_add_point(report, scene, "baseline", name);
     ChiaroIoImage picture;
-    if (!picture_draw(t, &scene->camera, truth->width, truth->height, irradiance, &picture))
+    const PictureView view = {&scene->camera, truth->width, truth->height};
+    if (!picture_draw(t, &view, irradiance, &picture))
         options_fail(&report->options, CHIARO_EXIT_INPUT, "out of memory");
     if (scaled)
         metrics_scale_best(&truth[CHIARO_COMPONENT_INDIRECT], &picture);
@@ -81,8 +82,12 @@ static void fit_harmonics(double value[NORMALS][3], const Vec3 normals[NORMALS],
     }
 }
 
+enum { PROBES = PROBES_ALONG * PROBES_ALONG * PROBES_ALONG };
+
 typedef struct Grid {
-    Vec3 low, step;
+    const ChiaroReference *reference;
+    uint32_t paths; /* of a normal */
+    Vec3 low, step, normals[NORMALS];
     double (*probes)[BANDS][3];
 } Grid;
 
@@ -92,33 +97,37 @@ static Vec3 probe_place(const Grid *grid, uint32_t x, uint32_t y, uint32_t z)
                 grid->low.z + grid->step.z * (float)z);
 }
 
-static void make_probes(ReportStep *step, const ChiaroReference *reference, Grid *grid)
+static void trace_probes(uint32_t begin, uint32_t end, uint32_t thread, void *user)
 {
-    Vec3 normals[NORMALS];
+    const Grid *grid = user;
+    (void)thread;
+    for (uint32_t p = begin; p < end; p++) {
+        double value[NORMALS][3];
+        float at[3], normal[3];
+        vec3_store(at, probe_place(grid, p % PROBES_ALONG, p / PROBES_ALONG % PROBES_ALONG,
+                                   p / PROBES_ALONG / PROBES_ALONG));
+        for (uint32_t n = 0; n < NORMALS; n++) {
+            vec3_store(normal, grid->normals[n]);
+            ChiaroReferenceIrradiance e = chiaro_reference_irradiance(grid->reference, at, normal, grid->paths, 0,
+                                                                      p * NORMALS + n, 1);
+            memcpy(value[n], e.indirect, sizeof value[n]);
+        }
+        fit_harmonics(value, grid->normals, grid->probes[p]);
+    }
+}
+
+static void make_probes(ReportStep *step, Grid *grid)
+{
     uint32_t count = 0;
     for (int axis = 0; axis < 6; axis++) {
         float n[3] = {0, 0, 0};
         n[axis / 2] = axis % 2 ? -1 : 1;
-        normals[count++] = vec3_load(n);
+        grid->normals[count++] = vec3_load(n);
     }
     for (int corner = 0; corner < 8; corner++)
-        normals[count++] = vec3_normalize(vec3(corner & 1 ? -1 : 1, corner & 2 ? -1 : 1, corner & 4 ? -1 : 1));
-    const Report *report = step->report;
-    grid->probes = report_alloc(report, PROBES_ALONG * PROBES_ALONG * PROBES_ALONG, sizeof *grid->probes);
-    for (uint32_t p = 0; p < PROBES_ALONG * PROBES_ALONG * PROBES_ALONG; p++) {
-        double value[NORMALS][3];
-        float at[3], normal[3];
-        report_continue(step, (double)p / (PROBES_ALONG * PROBES_ALONG * PROBES_ALONG));
-        vec3_store(at, probe_place(grid, p % PROBES_ALONG, p / PROBES_ALONG % PROBES_ALONG,
-                                   p / PROBES_ALONG / PROBES_ALONG));
-        for (uint32_t n = 0; n < NORMALS; n++) {
-            vec3_store(normal, normals[n]);
-            ChiaroReferenceIrradiance e = chiaro_reference_irradiance(reference, at, normal, report->quick ? 64 : 256, 0,
-                                                                      p * NORMALS + n, 1);
-            memcpy(value[n], e.indirect, sizeof value[n]);
-        }
-        fit_harmonics(value, normals, grid->probes[p]);
-    }
+        grid->normals[count++] = vec3_normalize(vec3(corner & 1 ? -1 : 1, corner & 2 ? -1 : 1, corner & 4 ? -1 : 1));
+    grid->probes = report_alloc(step->report, PROBES, sizeof *grid->probes);
+    report_each(step, PROBES, trace_probes, grid);
 }
 
 static void look_up(const Grid *grid, const ChiaroRays *rays, const ChiaroReceiver *receiver, float irradiance[3])
@@ -159,7 +168,7 @@ static void run_probes(Report *report, ReportStep *step, ReportScene *scene, con
                        const ChiaroRays *rays, float *irradiance)
 {
     ChiaroReference *reference;
-    Grid grid = {.low = vec3_load(t->info.bounds_min)};
+    Grid grid = {.paths = report->quick ? 64 : 256, .low = vec3_load(t->info.bounds_min)};
     Vec3 size = vec3_sub(vec3_load(t->info.bounds_max), grid.low);
     /* A scene as flat as a plain has probes above it. */
     float least = 0.1f * vec3_max(size);
@@ -170,7 +179,8 @@ static void run_probes(Report *report, ReportStep *step, ReportScene *scene, con
     if (chiaro_reference_create(&scene->read.scene, scene->lights, scene->light_count,
                                 report->sky.radiance ? &report->sky : NULL, NULL, &reference) != CHIARO_OK)
         options_fail(&report->options, CHIARO_EXIT_INPUT, "out of memory");
-    make_probes(step, reference, &grid);
+    grid.reference = reference;
+    make_probes(step, &grid);
     chiaro_reference_destroy(reference);
     double best = INFINITY;
     for (int repeat = 0; repeat < 3; repeat++) {
@@ -182,7 +192,7 @@ static void run_probes(Report *report, ReportStep *step, ReportScene *scene, con
     ReportPoint *point = add_baseline(report, scene, t, irradiance, false, true,
                                       "SH probes, order 2, 10 x 10 x 10, true ones");
     point->cpu_ms[REPORT_TASKS - 1] = 1e3 * best;
-    point->bytes = PROBES_ALONG * PROBES_ALONG * PROBES_ALONG * BANDS * 3 * sizeof(float);
+    point->bytes = PROBES * BANDS * 3 * sizeof(float);
     free(grid.probes);
 }
 
@@ -225,16 +235,35 @@ static uint32_t choose_samples(const ChiaroTransport *t, const ChiaroRays *rays,
     return taken;
 }
 
-static void run_literally(Report *report, ReportScene *scene, const ChiaroTransport *t, const ChiaroRays *rays,
-                          float *irradiance)
+/* The lists of all receivers. */
+typedef struct Choice {
+    const ChiaroTransport *transport;
+    const ChiaroRays *rays;
+    Candidate *all; /* of a thread, one after the other */
+    Candidate *chosen;
+    uint32_t *counts;
+} Choice;
+
+static void choose_for(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    const Choice *choice = user;
+    const ChiaroTransport *t = choice->transport;
+    for (uint32_t r = begin; r < end; r++)
+        choice->counts[r] = choose_samples(t, choice->rays, &t->receivers[r],
+                                           choice->all + (size_t)thread * t->sample_count,
+                                           choice->chosen + (size_t)r * MOST_K);
+}
+
+static void run_literally(Report *report, ReportStep *step, ReportScene *scene, const ChiaroTransport *t,
+                          const ChiaroRays *rays, float *irradiance)
 {
     static const uint32_t ks[LITERAL_KS] = {16, 32, 64, MOST_K};
-    Candidate *all = report_alloc(report, t->sample_count, sizeof *all);
+    Candidate *all = report_alloc(report, (size_t)report_threads(report) * t->sample_count, sizeof *all);
     Candidate *chosen = report_alloc(report, (size_t)t->receiver_count * MOST_K, sizeof *chosen);
     uint32_t *counts = report_alloc(report, t->receiver_count, sizeof *counts);
     float *direct = report_alloc(report, 3 * (size_t)t->sample_count, sizeof *direct);
-    for (uint32_t r = 0; r < t->receiver_count; r++)
-        counts[r] = choose_samples(t, rays, &t->receivers[r], all, chosen + (size_t)r * MOST_K);
+    Choice choice = {t, rays, all, chosen, counts};
+    report_each(step, t->receiver_count, choose_for, &choice);
     chiaro_samples_light(t, scene->lights, scene->light_count, chiaro_rays_visible, (void *)(uintptr_t)rays, direct);
     for (uint32_t k = 0; k < LITERAL_KS; k++) {
         char name[REPORT_TEXT];
@@ -277,7 +306,7 @@ void report_baselines(Report *report, ReportScene *scene, const ChiaroTransport 
         add_baseline(report, scene, t, irradiance, true, kind == 2, names[kind]);
     }
     run_probes(report, &step, scene, t, rays, irradiance);
-    run_literally(report, scene, t, rays, irradiance);
+    run_literally(report, &step, scene, t, rays, irradiance);
     free(irradiance);
     report_end(&step);
 }

@@ -13,9 +13,11 @@ static const char style[] =
     ".plots,.pictures{display:flex;flex-wrap:wrap;gap:16px}figure{margin:0}figcaption{font-size:13px;color:#444}"
     ".pictures img{width:270px;image-rendering:pixelated;border:1px solid #ccc}"
     "table{border-collapse:collapse;font-size:13px;margin:.6em 0}td,th{padding:3px 8px;border-bottom:1px solid #ddd;"
-    "text-align:right}td:first-child,th:first-child{text-align:left}tr.chosen{background:#fff3d6;font-weight:600}"
+    "text-align:right}td:first-child,th:first-child,td.text{text-align:left}"
+    "tr.chosen{background:#fff3d6;font-weight:600}"
     "tr.front td:first-child::after{content:' \\25c6';color:#0a7}tr.baseline{color:#666}"
-    "svg text{font:11px system-ui,sans-serif;fill:#333}svg .title{font-size:13px;font-weight:600}"
+    "svg text{font:11px system-ui,sans-serif;fill:#333;stroke:#fff;stroke-width:3px;paint-order:stroke}"
+    "svg .title{font-size:13px;font-weight:600}"
     "@media print{body{max-width:none;margin:0;font-size:11px}figure,table{break-inside:avoid}h2{break-after:avoid}}";
 
 /* Text of other people's, such as names of files. */
@@ -130,11 +132,11 @@ static void put_dot(Plot *plot, double x, double y, const char *color, bool larg
     bool left = px + 8 + width > WIDTH - RIGHT;
     double begin = left ? px - 8 - width : px + 8, end = begin + width;
     /* Down, until it is free; up, where that leads off the paper. */
-    for (double way = 11; way > -12; way -= 22) {
+    for (double way = 12.5; way > -13; way -= 25) {
         base = py - 5;
         for (uint32_t k = 0; k < plot->label_count; k++) {
             const double *other = plot->labels[k];
-            if (begin < other[1] && end > other[0] && fabs(base - other[2]) < 11)
+            if (begin < other[1] && end > other[0] && fabs(base - other[2]) < 12.5)
                 base = other[2] + way, k = UINT32_MAX; /* and look again */
         }
         if (base < HEIGHT - BOTTOM - 2)
@@ -179,6 +181,9 @@ static void plot_series(FILE *file, const ReportSeries *series, uint32_t series_
         for (uint32_t k = 0; k < one->count; k++)
             fprintf(file, "%c%.1f %.1f", k ? 'L' : 'M', place(&plot, 0, one->x[k]), place(&plot, 1, one->y[k]));
         fputs("\"/>", file);
+    }
+    for (uint32_t s = 0; s < series_count; s++) {
+        const ReportSeries *one = &series[s];
         /* Short curves have a number at every point, long ones their name at the end. */
         for (uint32_t k = 0; k < one->count; k++) {
             char label[2 * REPORT_TEXT];
@@ -468,14 +473,65 @@ static void put_verdict(FILE *file, const ReportScene *scene)
                 time_of(scene, literal, false) / time_of(scene, cheapest, false));
     if (scene->object_count) {
         const ReportPoint *first = &scene->objects[0], *constant = &scene->objects[scene->object_count - 1];
-        noise = scene->moment_noise;
-        fprintf(file, "<li>While objects move: %.4f (noise %.4f), and %.4f where an object is seen; the best constant of the "
-                      "moment: <b>%.1f times</b> as much without that noise, and <b>%.1f times</b>.</li>",
-                first->indirect.relrmse, noise, first->objects.relrmse,
-                without_noise(constant->indirect.relrmse, noise) / without_noise(first->indirect.relrmse, noise),
-                constant->objects.relrmse / first->objects.relrmse);
+        fprintf(file, "<li>While objects move: %.4f (noise %.4f), and %.4f (noise %.4f) where an object is seen; the "
+                      "best constant of the moment: <b>%.1f times</b> as much without that noise, and <b>%.1f times</b>."
+                      "</li>",
+                first->indirect.relrmse, scene->moment_noise, first->objects.relrmse, scene->object_noise,
+                without_noise(constant->indirect.relrmse, scene->moment_noise) /
+                    without_noise(first->indirect.relrmse, scene->moment_noise),
+                without_noise(constant->objects.relrmse, scene->object_noise) /
+                    without_noise(first->objects.relrmse, scene->object_noise));
     }
     fputs("</ul>\n", file);
+}
+
+static void put_lamp_table(FILE *file, const ReportScene *scene)
+{
+    static const char *const heads[] = {"one lamp elsewhere", "places", "relRMSE, median", "worst", "mean ratio"};
+    fputs("<h3>Lamps where nobody hung one</h3>\n<p>What one lamp's light comes to by bounces, at receivers that see the "
+          "lamp, default settings on one core; the noise of the truth is taken off.</p>\n", file);
+    begin_table(file, heads, sizeof heads / sizeof *heads);
+    for (uint32_t k = 0; k < REPORT_LAMPS; k++) {
+        const ReportLamps *lamps = &scene->lamps[k];
+        fprintf(file, "<tr><td>%s</td>", lamps->name);
+        put_number(file, "0", lamps->count);
+        put_number(file, "4", lamps->median);
+        put_number(file, "4", lamps->worst);
+        put_number(file, "4", lamps->mean_ratio);
+        fputs("</tr>\n", file);
+    }
+    fputs("</table>\n", file);
+}
+
+/* Numbers of any size, such as a count or nothing at all. */
+static void put_any(FILE *file, double value)
+{
+    if (isfinite(value))
+        fprintf(file, "<td>%.4g</td>", value);
+    else
+        fputs("<td></td>", file);
+}
+
+static void put_claims_table(FILE *file, const Report *report)
+{
+    static const char *const heads[] = {"key", "what the README says", "claimed", "measured", "", "holds"};
+    fputs("<h2>What the README claims</h2>\n", file);
+    begin_table(file, heads, sizeof heads / sizeof *heads);
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
+        const ReportClaim *claim = &report_claims[k];
+        double measured = report->measured[k];
+        fprintf(file, "<tr><td>[%s]</td><td class=\"text\">", claim->key);
+        put_text(file, claim->says);
+        fputs("</td>", file);
+        put_any(file, claim->claimed);
+        put_any(file, measured);
+        fputs("<td class=\"text\">", file);
+        put_text(file, claim->unit);
+        fprintf(file, "</td><td>%s</td></tr>\n", !isfinite(measured)         ? "not measured here"
+                                                  : !isfinite(claim->claimed) ? ""
+                                                  : report_claim_holds(claim, measured) ? "yes" : "<b>no</b>");
+    }
+    fputs("</table>\n", file);
 }
 
 static void put_scaling_table(FILE *file, const Report *report)
@@ -524,7 +580,10 @@ void report_write_html(FILE *file, const Report *report)
             put_object_table(file, scene);
         if (scene->motion_count)
             put_motion_table(file, scene);
+        if (scene->lamps[0].name)
+            put_lamp_table(file, scene);
     }
+    put_claims_table(file, report);
     if (report->series_count) {
         fputs("<h2>How cost grows</h2>\n", file);
         put_scaling_table(file, report);

@@ -89,7 +89,8 @@ static void trace_places(Bench *bench, const Moving *moving)
 {
     const Report *report = bench->report;
     ReportScene *scene = bench->scene;
-    const ReportView view = {NULL, bench->device->host.width, bench->device->host.height, report->quick ? QUICK_SPP : SPP, 1};
+    const ReportView view = {.width = bench->device->host.width, .height = bench->device->host.height,
+                             .spp = report->quick ? QUICK_SPP : SPP, .passes = 1};
     for (uint32_t place = 0; place < bench->places; place++) {
         ChiaroReferenceImages images;
         MergedScene merged;

@@ -125,25 +125,46 @@ void report_merge(const Report *report, const ReportScene *scene, const Moving *
 
 static float turn_of(uint32_t frame) { return 2 * CHIARO_PI * (float)frame / FRAMES_A_TURN; }
 
-static void make_moment(const Bench *bench, const Moving *moving, uint32_t number, Moment *moment)
+/* The indirect light of a half; which pixels show an object. */
+static ChiaroIoImage trace_half(const Bench *bench, uint32_t number, uint32_t half, Moment *moment)
 {
     const Report *report = bench->report;
     ChiaroReferenceImages images;
     char name[REPORT_TEXT];
-    size_t pixels = (size_t)report->options.width * report->options.height;
-    snprintf(name, sizeof name, "objects: truth of moment %u of %d", number + 1, MOMENTS);
+    snprintf(name, sizeof name, "objects: truth of moment %u of %d, %s half", number + 1, MOMENTS,
+             half == 1 ? "one" : "other");
     const ReportView view = {name, report->options.width, report->options.height, report->quick ? 256 : 1024,
-                             REPORT_PASSES};
-    report_merge(report, bench->scene, moving, bench->radius, turn_of((number + 1) * bench->interval), &moment->merged);
+                             REPORT_PASSES, half};
     report_trace(report, bench->scene, &moment->merged.scene, bench->scene->lights, &view, &images);
-    moment->truth = (ChiaroIoImage){view.width, view.height, 4, report_alloc(report, 4 * pixels, sizeof(float))};
-    moment->rested = (ChiaroIoImage){view.width, view.height, 4, report_alloc(report, 4 * pixels, sizeof(float))};
-    moment->mask = (ChiaroIoImage){view.width, view.height, 3, report_alloc(report, 3 * pixels, sizeof(float))};
-    memcpy(moment->truth.pixels, images.pixels[CHIARO_COMPONENT_INDIRECT], 4 * pixels * sizeof(float));
+    size_t pixels = (size_t)view.width * view.height;
+    ChiaroIoImage picture = {view.width, view.height, 4, report_alloc(report, 4 * pixels, sizeof(float))};
+    memcpy(picture.pixels, images.pixels[CHIARO_COMPONENT_INDIRECT], 4 * pixels * sizeof(float));
     for (size_t i = 0; i < pixels; i++)
-        moment->mask.pixels[3 * i] = images.parts[i] != CHIARO_NONE && images.parts[i] >= moment->merged.first_object_part;
-    bench->scene->moment_noise = fmax(bench->scene->moment_noise, images.noise[CHIARO_COMPONENT_INDIRECT]);
+        moment->mask.pixels[3 * i] =
+            images.parts[i] != CHIARO_NONE && images.parts[i] >= moment->merged.first_object_part;
     chiaro_reference_free_images(&images);
+    return picture;
+}
+
+/* Two halves tell the noise of their mean, of any of its pixels. */
+static void make_moment(const Bench *bench, const Moving *moving, uint32_t number, Moment *moment)
+{
+    const Report *report = bench->report;
+    ReportScene *scene = bench->scene;
+    uint32_t width = report->options.width, height = report->options.height;
+    size_t pixels = (size_t)width * height;
+    report_merge(report, scene, moving, bench->radius, turn_of((number + 1) * bench->interval), &moment->merged);
+    moment->rested = (ChiaroIoImage){width, height, 4, report_alloc(report, 4 * pixels, sizeof(float))};
+    moment->mask = (ChiaroIoImage){width, height, 3, report_alloc(report, 3 * pixels, sizeof(float))};
+    moment->truth = trace_half(bench, number, 1, moment);
+    ChiaroIoImage other = trace_half(bench, number, 2, moment);
+    double whole = report_differ(report, &moment->truth, &other, NULL).relrmse / 2;
+    Metrics own = report_differ(report, &moment->truth, &other, &moment->mask);
+    scene->moment_noise = fmax(scene->moment_noise, whole);
+    scene->object_noise = fmax(scene->object_noise, own.pixels ? own.relrmse / 2 : 0);
+    for (size_t i = 0; i < 4 * pixels; i++)
+        moment->truth.pixels[i] = (moment->truth.pixels[i] + other.pixels[i]) / 2;
+    free(other.pixels);
 }
 
 /* Errors of all moments together, by their squares. One that shows nothing of this kind says nothing. */
@@ -271,7 +292,7 @@ static void run_turns(Bench *bench, const ChiaroTransport *t, uint32_t first, ui
         open_lane(bench, t, &settings[k], add_point(scene, settings[k].name), &bench->lanes[bench->lane_count++]);
     for (uint32_t frame = 0; frame < MOMENTS * bench->interval; frame++) {
         for (uint32_t k = 0; k < bench->lane_count; k++)
-            run_frame(bench, frame, &bench->lanes[k]);
+            run_frame(bench, frame, &bench->lanes[(frame + k) % bench->lane_count]); /* nobody is always the first */
         report_continue(step, (double)first / SETTINGS);
     }
     for (uint32_t k = 0; k < bench->lane_count; k++) {

@@ -42,7 +42,7 @@ static const Setting settings[] = {
     {"features", "without the sky's sun", 32, 1, 1, 1, false, CHIARO_WITHOUT_SKY_SUN},
     {"features", "bounce light off", 32, 1, 1, 1, true, 0},
 };
-enum { SETTINGS = sizeof settings / sizeof *settings, MOST_LINKS = 4 };
+enum { SETTINGS = sizeof settings / sizeof *settings, MOST_LINKS = 128 };
 
 /* A bake in a context of its own. */
 typedef struct Lane {
@@ -51,6 +51,7 @@ typedef struct Lane {
     ChiaroBlob blob;
     ChiaroTransport transport;
     ReportContext context;
+    float *irradiance; /* of receivers, by the core */
     double *frame_ms, *update_ms;
 } Lane;
 
@@ -127,8 +128,8 @@ void report_add_error_picture(const Report *report, ReportScene *scene, const Ch
 static void make_truth(const Report *report, ReportScene *scene)
 {
     ChiaroReferenceImages images;
-    const ReportView view = {"truth", report->options.width, report->options.height, report->quick ? 256 : 1024,
-                             REPORT_PASSES};
+    const ReportView view = {.name = "truth", .width = report->options.width, .height = report->options.height,
+                             .spp = report->quick ? 256 : 1024, .passes = REPORT_PASSES};
     report_trace(report, scene, &scene->read.scene, scene->lights, &view, &images);
     for (int c = 0; c < CHIARO_COMPONENT_COUNT; c++) {
         size_t floats = 4 * (size_t)report->options.width * report->options.height;
@@ -251,7 +252,7 @@ static void time_lanes(Bench *bench)
         for (uint32_t i = 0; i < scene->light_count; i++)
             circle_move(&bench->moved[i], TIMED_CIRCLE * bench->size, 2 * CHIARO_PI * (float)f / FRAMES_A_TURN);
         for (uint32_t l = 0; l < bench->lane_count; l++) {
-            Lane *lane = &bench->lanes[l];
+            Lane *lane = &bench->lanes[(f + l) % bench->lane_count]; /* nobody is always the first */
             set_lights(bench, lane, bench->moved);
             ReportFrame frame = report_frame(&bench->device, &lane->context, NULL, false);
             if (f >= WARM_UP)
@@ -267,6 +268,17 @@ static void time_lanes(Bench *bench)
     }
 }
 
+/* What an update does when nothing has changed since the last one. */
+static void run_idle(Bench *bench)
+{
+    double *measured = &bench->report->measured[CLAIM_IDLE];
+    for (int frame = 0; frame < 2; frame++)
+        report_frame(&bench->device, &bench->lanes[0].context, NULL, false);
+    ChiaroVulkanStats stats = report_stats(&bench->device, &bench->lanes[0].context);
+    double work = (double)stats.dispatches + stats.tasks + (double)stats.upload_bytes;
+    *measured = fmax(isnan(*measured) ? 0 : *measured, work);
+}
+
 /* ---- causes ------------------------------------------------------------------------------------------------------- */
 
 static void add_cause(ReportScene *scene, const char *name, double relrmse)
@@ -276,56 +288,109 @@ static void add_cause(ReportScene *scene, const char *name, double relrmse)
     cause->relrmse = relrmse;
 }
 
+static PictureView view_of(const Bench *bench)
+{
+    return (PictureView){&bench->scene->camera, bench->report->options.width, bench->report->options.height};
+}
+
 static ChiaroIoImage draw_on_core(const Bench *bench, const ChiaroTransport *t, const float *irradiance)
 {
+    const PictureView view = view_of(bench);
     ChiaroIoImage picture;
-    if (!picture_draw(t, &bench->scene->camera, bench->report->options.width, bench->report->options.height, irradiance,
-                      &picture))
+    if (!picture_draw(t, &view, irradiance, &picture))
         options_fail(&bench->report->options, CHIARO_EXIT_INPUT, "out of memory");
     return picture;
 }
 
+/* The truth at receivers that are seen, in two halves: what they differ by tells the noise of a picture that is drawn
+ * of their mean. */
+typedef struct Exact {
+    const ChiaroReference *reference;
+    const ChiaroTransport *transport;
+    uint32_t paths;
+    bool *seen;
+    float *irradiance[2], *mean;
+} Exact;
+
+static void trace_receivers(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    const Exact *exact = user;
+    (void)thread;
+    for (uint32_t r = begin; r < end; r++) {
+        const ChiaroReceiver *receiver = &exact->transport->receivers[r];
+        for (uint32_t half = 0; half < 2 && exact->seen[r]; half++) {
+            ChiaroReferenceIrradiance e =
+                chiaro_reference_irradiance(exact->reference, receiver->position, receiver->normal, exact->paths / 2, 0,
+                                            r + half * exact->transport->receiver_count, 1);
+            for (uint32_t c = 0; c < 3; c++) {
+                exact->irradiance[half][3 * (size_t)r + c] = (float)e.indirect[c];
+                exact->mean[3 * (size_t)r + c] += (float)e.indirect[c] / 2;
+            }
+        }
+    }
+}
+
+static Exact trace_exactly(const Bench *bench, ReportStep *step, const ChiaroTransport *t)
+{
+    const Report *report = bench->report;
+    const ReportScene *scene = bench->scene;
+    const PictureView view = view_of(bench);
+    const size_t floats = 3 * (size_t)t->receiver_count;
+    ChiaroReference *reference;
+    Exact exact = {.transport = t, .paths = report->quick ? 256 : 1024,
+                   .seen = report_alloc(report, t->receiver_count, sizeof(bool)),
+                   .mean = report_alloc(report, floats, sizeof(float))};
+    for (uint32_t half = 0; half < 2; half++)
+        exact.irradiance[half] = report_alloc(report, floats, sizeof(float));
+    report_must(&bench->device, chiaro_reference_create(&scene->read.scene, scene->lights, scene->light_count,
+                                                report->sky.radiance ? &report->sky : NULL, NULL, &reference));
+    exact.reference = reference;
+    if (!picture_receivers(t, &view, exact.seen))
+        options_fail(&report->options, CHIARO_EXIT_INPUT, "out of memory");
+    report_each(step, t->receiver_count, trace_receivers, &exact);
+    chiaro_reference_destroy(reference);
+    return exact;
+}
+
+/* An error without noise that is known. */
+static double less(double relrmse, double noise) { return sqrt(fmax(0, relrmse * relrmse - noise * noise)); }
+
 /* What each step adds: receivers with the truth at each of them; the most links there are; the links of the default; the
  * device instead of the core. */
-static void split_causes(Bench *bench, float *const *irradiance)
+static void split_causes(Bench *bench)
 {
     const Report *report = bench->report;
     ReportScene *scene = bench->scene;
-    const Lane *chosen = &bench->lanes[0], *most = &bench->lanes[MOST_LINKS];
+    const Lane *chosen = &bench->lanes[0], *most = chosen;
     const ChiaroTransport *t = &chosen->transport;
-    ChiaroReference *reference;
     ReportStep job;
+    while (most->setting->links != MOST_LINKS)
+        most++;
     report_begin(report, "error by cause", &job);
-    report_must(&bench->device, chiaro_reference_create(&scene->read.scene, scene->lights, scene->light_count,
-                                                report->sky.radiance ? &report->sky : NULL, NULL, &reference));
-    float *exact = report_alloc(report, 3 * (size_t)t->receiver_count, sizeof *exact);
-    double noise = 0, size = 0;
-    for (uint32_t r = 0; r < t->receiver_count; r++) {
-        report_continue(&job, (double)r / t->receiver_count);
-        ChiaroReferenceIrradiance e = chiaro_reference_irradiance(
-            reference, t->receivers[r].position, t->receivers[r].normal, report->quick ? 256 : 1024, 0, r, 1);
-        for (uint32_t c = 0; c < 3; c++) {
-            exact[3 * r + c] = (float)e.indirect[c];
-            noise += e.error[c] * e.error[c], size += e.indirect[c] * e.indirect[c];
-        }
-    }
-    chiaro_reference_destroy(reference);
-    ChiaroIoImage right = draw_on_core(bench, t, exact), fitted = draw_on_core(bench, t, irradiance[0]);
-    ChiaroIoImage linked = draw_on_core(bench, &most->transport, irradiance[MOST_LINKS]);
-    double step = report_differ(report, &linked, &right, NULL).relrmse, grain = size > 0 ? noise / size : 0;
+    Exact exact = trace_exactly(bench, &job, t);
+    ChiaroIoImage halves[2];
+    for (uint32_t half = 0; half < 2; half++)
+        halves[half] = draw_on_core(bench, t, exact.irradiance[half]);
+    ChiaroIoImage right = draw_on_core(bench, t, exact.mean), fitted = draw_on_core(bench, t, chosen->irradiance);
+    ChiaroIoImage linked = draw_on_core(bench, &most->transport, most->irradiance);
+    double grain = report_differ(report, &halves[0], &halves[1], NULL).relrmse / 2;
     add_cause(scene, "noise of the truth", scene->noise[CHIARO_COMPONENT_INDIRECT]);
     add_cause(scene, "interpolation over receivers (with the truth at each)",
-              report_compare(report, scene, &right, CHIARO_COMPONENT_INDIRECT).relrmse);
-    /* The truth at the receivers is a little noisy: taken off, for it is known. */
+              less(report_compare(report, scene, &right, CHIARO_COMPONENT_INDIRECT).relrmse, grain));
     add_cause(scene, "sampling of the bake (K = 128 against that truth)",
-              sqrt(fmax(0, step * step - grain)));
+              less(report_differ(report, &linked, &right, NULL).relrmse, grain));
     add_cause(scene, "compression of the links (default against K = 128)",
               report_differ(report, &fitted, &linked, NULL).relrmse);
     ChiaroIoImage device = show(bench, &bench->lanes[0], scene->lights, CHIARO_COMPONENT_INDIRECT);
     add_cause(scene, "device against core: shadow maps, storage", report_differ(report, &device, &fitted, NULL).relrmse);
     add_cause(scene, "all of it, lights at rest",
               report_compare(report, scene, &device, CHIARO_COMPONENT_INDIRECT).relrmse);
-    free(exact);
+    free(exact.seen);
+    free(exact.irradiance[0]);
+    free(exact.irradiance[1]);
+    free(exact.mean);
+    free(halves[0].pixels);
+    free(halves[1].pixels);
     free(right.pixels);
     free(fitted.pixels);
     free(linked.pixels);
@@ -334,19 +399,25 @@ static void split_causes(Bench *bench, float *const *irradiance)
 
 /* ---- the scene ---------------------------------------------------------------------------------------------------- */
 
+/* Without a sweep the default is baked, and the most links, which tell causes apart. */
+static bool is_wanted(const Report *report, const Setting *setting)
+{
+    bool whole = setting->samples == 1 && setting->receivers == 1 && setting->rays == 1;
+    bool needed = whole && (setting->links == settings[0].links || setting->links == MOST_LINKS);
+    return (report->sweep || needed) && (setting->without != CHIARO_WITHOUT_SKY_SUN || report->sky.radiance);
+}
+
 static void run_sweep(Bench *bench)
 {
     ReportScene *scene = bench->scene;
-    float *irradiance[SETTINGS];
     for (uint32_t k = 0; k < SETTINGS; k++) {
-        irradiance[k] = NULL;
-        if (settings[k].without == CHIARO_WITHOUT_SKY_SUN && !bench->report->sky.radiance)
+        if (!is_wanted(bench->report, &settings[k]))
             continue;
         Lane *lane = &bench->lanes[bench->lane_count++];
         lane->point = report_add_point(bench->report, scene, settings[k].group, settings[k].name);
         bake_lane(bench, lane, &settings[k]);
         load_lane(bench, lane);
-        irradiance[k] = update_on_core(bench, &lane->transport, scene->lights, lane->point->cpu_ms);
+        lane->irradiance = update_on_core(bench, &lane->transport, scene->lights, lane->point->cpu_ms);
         if (settings[k].gi_off || settings[k].without) /* not what was timed */
             memset(lane->point->cpu_ms, 0, sizeof lane->point->cpu_ms);
         ChiaroIoImage full = show(bench, lane, scene->lights, CHIARO_COMPONENT_FULL);
@@ -362,9 +433,10 @@ static void run_sweep(Bench *bench)
         }
     }
     time_lanes(bench);
-    split_causes(bench, irradiance);
-    for (uint32_t k = 0; k < SETTINGS; k++)
-        free(irradiance[k]);
+    run_idle(bench);
+    split_causes(bench);
+    for (uint32_t l = 0; l < bench->lane_count; l++)
+        free(bench->lanes[l].irradiance);
 }
 
 void report_scene(Report *report, ReportScene *scene)
@@ -396,6 +468,7 @@ void report_scene(Report *report, ReportScene *scene)
     report_baselines(report, scene, &bench.lanes[0].transport, rays);
     report_find_front(scene);
     report_write(report);
+    report_lamps(report, scene, &bench.lanes[0].transport, rays, bench.size);
     report_objects(report, scene, &bench.device, &bench.lanes[0].transport, bench.size);
     report_write(report);
     report_motion(report, scene, &bench.device, &bench.lanes[0].transport, rays, bench.size);

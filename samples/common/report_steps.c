@@ -7,7 +7,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { SEED_STEP = 0x9e3779b9 & 0x7fffffff };
+enum { SEED_STEP = 0x9e3779b9 & 0x7fffffff, HALF_STEP = 0x3c6ef372, GRAIN = 16 };
 /* Of the truth's indirect light: more paths do not pay. */
 static const double NOISE = 0.02, QUICK_NOISE = 0.05;
 
@@ -39,6 +39,18 @@ void report_continue(ReportStep *step, double done)
 {
     if (!progress_tell((float)done, &step->progress))
         options_fail(&step->report->options, CHIARO_EXIT_INPUT, "%s", chiaro_result_text(CHIARO_ERROR_INTERRUPTED));
+}
+
+uint32_t report_threads(const Report *report)
+{
+    return report->options.threads > 0 ? (uint32_t)report->options.threads : chiaro_core_count();
+}
+
+void report_each(ReportStep *step, uint32_t count, ChiaroRangeFunc body, void *user)
+{
+    const SceneOptions *options = &step->report->options;
+    if (!chiaro_parallel_for(report_threads(step->report), count, GRAIN, body, user, progress_tell, &step->progress))
+        options_fail(options, CHIARO_EXIT_INPUT, "%s", chiaro_result_text(CHIARO_ERROR_INTERRUPTED));
 }
 
 double report_end(ReportStep *step)
@@ -100,11 +112,11 @@ static void add_pass(ChiaroReferenceImages *sum, const ChiaroReferenceImages *pa
 /* Where little light finds its way, so many paths are not enough: the same again, with other seeds, until the noise is
  * small, or patience ends. */
 static void trace_passes(const Report *report, const ReportScene *scene, const ChiaroReference *reference,
-                         ChiaroReferenceDesc *desc, uint32_t passes, ChiaroReferenceImages *images)
+                         ChiaroReferenceDesc *desc, const ReportView *view, ChiaroReferenceImages *images)
 {
-    const double wanted = report->quick ? QUICK_NOISE : NOISE;
+    const double wanted = (report->quick ? QUICK_NOISE : NOISE) * (view->half ? sqrt(2) : 1);
     must(report, scene, chiaro_reference_render(reference, desc, images));
-    for (uint32_t pass = 1; pass < passes && images->noise[CHIARO_COMPONENT_INDIRECT] > wanted; pass++) {
+    for (uint32_t pass = 1; pass < view->passes && images->noise[CHIARO_COMPONENT_INDIRECT] > wanted; pass++) {
         ChiaroReferenceImages more;
         desc->seed += SEED_STEP;
         must(report, scene, chiaro_reference_render(reference, desc, &more));
@@ -119,15 +131,17 @@ void report_trace(const Report *report, const ReportScene *scene, const ChiaroSc
     const SceneOptions *options = &report->options;
     ChiaroReference *reference;
     ReportStep step;
-    ChiaroReferenceDesc desc = {.camera = scene->camera, .width = view->width, .height = view->height, .spp = view->spp,
-                                .seed = (uint32_t)options->seed, .threads = (uint32_t)options->threads};
+    ChiaroReferenceDesc desc = {.camera = scene->camera, .width = view->width, .height = view->height,
+                                .spp = view->half ? (view->spp + 1) / 2 : view->spp,
+                                .seed = (uint32_t)options->seed + (view->half == 2 ? HALF_STEP : 0),
+                                .threads = (uint32_t)options->threads};
     must(report, scene, chiaro_reference_create(what, lights, scene->light_count, report->sky.radiance ? &report->sky : NULL,
                                                 NULL, &reference));
     if (view->name) {
         report_begin(report, view->name, &step);
         desc.progress = progress_tell, desc.progress_user = &step.progress;
     }
-    trace_passes(report, scene, reference, &desc, view->passes, images);
+    trace_passes(report, scene, reference, &desc, view, images);
     if (view->name)
         report_end(&step);
     chiaro_reference_destroy(reference);

@@ -12,7 +12,8 @@
 enum { LINE = 4096, MOST_RECEIVERS = 1 << 24, TEXTS = 3 /* columns of words, before those of numbers */ };
 /* Those that are read again, where they stand. */
 enum { COLUMN_WIDTH = 0, COLUMN_HEIGHT = 1, COLUMN_LINKS = 2, COLUMN_ASKED_SAMPLES = 5, COLUMN_ASKED_RECEIVERS = 6,
-       COLUMN_ASKED_RAYS = 7, COLUMN_FRAME_MS = 10, COLUMN_INDIRECT = 18, COLUMN_FRONT = 34, COLUMN_CHOSEN = 35, COLUMNS };
+       COLUMN_ASKED_RAYS = 7, COLUMN_FRAME_MS = 10, COLUMN_INDIRECT = 18, COLUMN_FRONT = 34, COLUMN_CHOSEN = 35,
+       COLUMN_CLAIMED, COLUMN_MEASURED, COLUMNS };
 
 /* Settings that a renderer is told, other than ideas taken out to see what they do. */
 static bool is_choice(const ReportPoint *p)
@@ -124,11 +125,13 @@ static void columns_of(const Report *report, const ReportPoint *p, double noise,
         {"truth_noise", noise},
         [COLUMN_FRONT] = {"front", p->front},
         [COLUMN_CHOSEN] = {"chosen", p->chosen},
+        [COLUMN_CLAIMED] = {"claimed", (double)NAN},
+        [COLUMN_MEASURED] = {"measured", (double)NAN},
     };
     memcpy(columns, all, sizeof all);
 }
 
-/* Settings of the static scene, then those of objects, then motion. */
+/* Settings of the static scene, then those of objects, then motion: the points of a scene. */
 static uint32_t points_of(const ReportScene *scene)
 {
     return scene->point_count + scene->object_count + scene->motion_count;
@@ -160,32 +163,95 @@ static void put_csv_text(FILE *file, const char *text)
     fputc('"', file);
 }
 
-static void write_csv(FILE *file, const Report *report)
-{
+/* A row of the file: whose it is, and its columns. */
+typedef struct Row {
+    const char *scene, *group, *name;
     Column columns[COLUMNS];
-    columns_of(report, &report->scenes[0].points[0], 0, columns);
-    fputs("scene,group,name", file);
+} Row;
+typedef void (*RowFunc)(FILE *file, const Row *row, bool first);
+
+/* A row that says nothing yet. */
+static Row new_row(const Report *report, const char *scene, const char *group, const char *name)
+{
+    Row row = {.scene = scene, .group = group, .name = name};
+    const ReportPoint none = report_new_point(group, name);
+    columns_of(report, &none, (double)NAN, row.columns);
     for (uint32_t k = 0; k < COLUMNS; k++)
-        fprintf(file, ",%s", columns[k].name);
-    fputc('\n', file);
+        row.columns[k].value = (double)NAN;
+    return row;
+}
+
+static void each_lamp(FILE *file, const Report *report, const ReportScene *scene, RowFunc put)
+{
+    for (uint32_t k = 0; k < REPORT_LAMPS; k++) {
+        const ReportLamps *lamps = &scene->lamps[k];
+        for (int worst = 0; worst < 2 && lamps->count > 0; worst++) {
+            char name[REPORT_TEXT];
+            snprintf(name, sizeof name, "%s, %s of %u", lamps->name, worst ? "worst" : "median", lamps->count);
+            Row row = new_row(report, scene->input, "lamps", name);
+            row.columns[COLUMN_INDIRECT].value = worst ? lamps->worst : lamps->median;
+            if (!worst)
+                row.columns[COLUMN_INDIRECT + 1].value = lamps->mean_ratio;
+            put(file, &row, false);
+        }
+    }
+}
+
+/* All rows, scene by scene, and those of the README. */
+static void each_row(FILE *file, const Report *report, RowFunc put)
+{
     for (uint32_t s = 0; s < report->scene_count; s++) {
         const ReportScene *scene = &report->scenes[s];
         for (uint32_t i = 0; i < points_of(scene); i++) {
             const ReportPoint *p = point_of(scene, i);
-            columns_of(report, p, noise_of(scene, p), columns);
-            put_csv_text(file, scene->input);
-            fputc(',', file);
-            put_csv_text(file, p->group);
-            fputc(',', file);
-            put_csv_text(file, p->name);
-            for (uint32_t k = 0; k < COLUMNS; k++) {
-                fputc(',', file);
-                if (isfinite(columns[k].value))
-                    fprintf(file, "%.9g", columns[k].value);
-            }
-            fputc('\n', file);
+            Row row = {.scene = scene->input, .group = p->group, .name = p->name};
+            columns_of(report, p, noise_of(scene, p), row.columns);
+            put(file, &row, s + i == 0);
         }
+        each_lamp(file, report, scene, put);
     }
+    for (uint32_t k = 0; k < REPORT_CLAIMS; k++) {
+        Row row = new_row(report, "", "claim", report_claims[k].key);
+        row.columns[COLUMN_CLAIMED].value = report_claims[k].claimed;
+        row.columns[COLUMN_MEASURED].value = report->measured[k];
+        put(file, &row, false);
+    }
+}
+
+static void put_csv_row(FILE *file, const Row *row, bool first)
+{
+    if (first) {
+        fputs("scene,group,name", file);
+        for (uint32_t k = 0; k < COLUMNS; k++)
+            fprintf(file, ",%s", row->columns[k].name);
+        fputc('\n', file);
+    }
+    put_csv_text(file, row->scene);
+    fputc(',', file);
+    put_csv_text(file, row->group);
+    fputc(',', file);
+    put_csv_text(file, row->name);
+    for (uint32_t k = 0; k < COLUMNS; k++) {
+        fputc(',', file);
+        if (isfinite(row->columns[k].value))
+            fprintf(file, "%.9g", row->columns[k].value);
+    }
+    fputc('\n', file);
+}
+
+static void write_csv(FILE *file, const Report *report) { each_row(file, report, put_csv_row); }
+
+static void put_json_row(FILE *file, const Row *row, bool first)
+{
+    if (!first)
+        fputs(", ", file);
+    Json json = json_begin(file);
+    json_text(&json, "scene", row->scene);
+    json_text(&json, "group", row->group);
+    json_text(&json, "name", row->name);
+    for (uint32_t k = 0; k < COLUMNS; k++)
+        json_number(&json, row->columns[k].name, row->columns[k].value);
+    json_end(&json);
 }
 
 static void write_series(FILE *file, const char *scene, const ReportSeries *series, const char **comma)
@@ -209,7 +275,6 @@ static void write_series(FILE *file, const char *scene, const ReportSeries *seri
 
 static void write_json(FILE *file, const Report *report)
 {
-    Column columns[COLUMNS];
     const char *comma = "";
     fputs("{\"run\": ", file);
     Json json = json_begin(file);
@@ -219,24 +284,8 @@ static void write_json(FILE *file, const Report *report)
     json_number(&json, "height", report->options.height);
     json_end(&json);
     fputs(", \"points\": [", file);
-    for (uint32_t s = 0; s < report->scene_count; s++) {
-        const ReportScene *scene = &report->scenes[s];
-        for (uint32_t i = 0; i < points_of(scene); i++) {
-            const ReportPoint *p = point_of(scene, i);
-            fputs(comma, file);
-            columns_of(report, p, noise_of(scene, p), columns);
-            json = json_begin(file);
-            json_text(&json, "scene", scene->input);
-            json_text(&json, "group", p->group);
-            json_text(&json, "name", p->name);
-            for (uint32_t k = 0; k < COLUMNS; k++)
-                json_number(&json, columns[k].name, columns[k].value);
-            json_end(&json);
-            comma = ", ";
-        }
-    }
+    each_row(file, report, put_json_row);
     fputs("], \"causes\": [", file);
-    comma = "";
     for (uint32_t s = 0; s < report->scene_count; s++) {
         for (uint32_t k = 0; k < report->scenes[s].cause_count; k++) {
             fputs(comma, file);

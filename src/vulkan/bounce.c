@@ -161,9 +161,11 @@ static void record_blend(ChiaroVulkan *context, VkCommandBuffer commands, const 
 
 /* ---- a pass ------------------------------------------------------------------------------------------------------- */
 
+bool chiaro_bounce_passing(const ChiaroVulkan *context) { return context->bounce.stage != STAGE_IDLE; }
+
 bool chiaro_bounce_busy(const ChiaroVulkan *context)
 {
-    return context->bounce.stage != STAGE_IDLE || context->bounce.fade_left > 0;
+    return chiaro_bounce_passing(context) || context->bounce.fade_left > 0;
 }
 
 void chiaro_bounce_reset(ChiaroVulkan *context)

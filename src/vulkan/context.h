@@ -403,6 +403,8 @@ typedef struct BounceState {
 } BounceState;
 
 ChiaroResult chiaro_bounce_create(ChiaroVulkan *context);
+/* A pass is under way: what it has lit so far is no light to hand on. */
+bool chiaro_bounce_passing(const ChiaroVulkan *context);
 /* Something is recorded in the next update, changed or not. */
 bool chiaro_bounce_busy(const ChiaroVulkan *context);
 /* Whatever is under way is forgotten. */

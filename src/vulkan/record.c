@@ -301,7 +301,8 @@ void chiaro_record_update(ChiaroVulkan *context, VkCommandBuffer commands, const
                     VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
                 VK_ACCESS_VERTEX_ATTRIBUTE_READ_BIT | VK_ACCESS_SHADER_READ_BIT);
     }
-    if (gi && !chiaro_bounce_busy(context))
+    /* Before the next pass begins: while lights move there is no other moment, what is shown still goes over. */
+    if (gi && !chiaro_bounce_passing(context))
         chiaro_objects_read_back(context, commands);
     context->lights.changed &= !lit;
     context->sky.changed &= !gi;
