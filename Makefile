@@ -138,7 +138,7 @@ $(SHARED): $(CORE) $(VULKAN)
 
 # What hosts load with dlopen: the same objects, one symbol, and none of what it does not reach.
 $(PLUGIN): $(CORE) $(VULKAN) src/vulkan/plugin.map
-	$(CC) $(LDFLAGS_ALL) -shared -Wl,-soname,$(@F) -Wl,--version-script=src/vulkan/plugin.map -Wl,--gc-sections \
+	$(CC) $(LDFLAGS_ALL) -shared -Wl,-soname,$(@F) -Wl,--version-script=src/vulkan/plugin.map -Wl,--gc-sections -Wl,-z,noseparate-code \
 	  -o $@ $(CORE) $(VULKAN) $(RUNTIME_LIBS)
 
 $(BAKE_LIBRARY): $(BAKE) $(OFFLINE)
