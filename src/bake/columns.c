@@ -10,8 +10,8 @@
 #include <string.h>
 
 enum { LEVEL_STEP = 8 /* rows tell how bright a block is: each so many-th */ };
-/* Light that might get in from near by counts this much. */
-static const float SPILL = 0.25f;
+/* Light that might get in from near by counts this much; and that which shines on what is near the rows themselves. */
+static const float SPILL = 0.25f, OWN_SPILL = 0.05f;
 
 /* A training light counts by its brightness to this power, minus one: 1 would heed bright ones only, 0 all alike. */
 static const float LEVEL_POWER = 0.75f;
@@ -79,7 +79,7 @@ static void add_spill(Columns *columns, const FitTask *task, const FitRows *rows
             surfaces += rows->leaves[l] < baker->sample_count ? form[l] : 0;
         }
         if (rows->own != CHIARO_NONE)
-            columns->near_form[columns->near[rows->own + r]] += SPILL * surfaces;
+            columns->near_form[columns->near[rows->own + r]] += OWN_SPILL * surfaces;
     }
     for (uint32_t n = 0; n < baker->node_count; n++) {
         if (!(columns->near_form[n] > 0))
