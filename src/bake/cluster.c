@@ -240,13 +240,13 @@ static void cut_groups(uint32_t begin, uint32_t end, uint32_t thread, void *user
     const ClusterDesc *desc = builder->desc;
     for (Cut *cut = builder->cuts + begin; cut < builder->cuts + end; cut++) {
         Group group = builder->groups[cut->group];
-        cut->left = 0;
+        *cut = (Cut){.group = cut->group};
         if (builder->claims || group.count > desc->most)
             cut->left = cut_run(builder, group.first, group.count, builder->probes + (size_t)thread * builder->most_probes);
         else if (desc->split && group.count > 1)
             cut->left = desc->split(builder->tree->order + group.first, group.count, desc->user);
-        if (cut->left == 0 || cut->left == group.count)
-            continue;
+        if (!builder->claims || cut->left == 0 || cut->left == group.count)
+            continue; /* nobody asks for claims any more */
         cut->claim[0] = claim_of(builder, group.first, cut->left);
         cut->claim[1] = claim_of(builder, group.first + cut->left, group.count - cut->left);
     }
