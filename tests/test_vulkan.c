@@ -83,17 +83,8 @@ static void every_pass_gives_what_the_cpu_gives(void **state)
     assert_int_equal(stage.api->sky_set(stage.chiaro, &sky), CHIARO_OK);
 
     const ChiaroTransport *t = &stage.transport;
-    ChiaroVulkanBuffers buffers = {.struct_size = sizeof buffers};
     HostBuffer values, irradiance;
-    assert_int_equal(stage.api->buffers(stage.chiaro, &buffers), CHIARO_OK);
-    assert_int_equal(buffers.node_count, t->node_count);
-    must(&stage, host_buffer_create(&stage.host, 32 * (VkDeviceSize)t->node_count, &values));
-    must(&stage, host_buffer_create(&stage.host, 16 * (VkDeviceSize)t->receiver_count, &irradiance));
-    must(&stage, host_begin(&stage.host));
-    update(&stage);
-    host_copy(&stage.host, buffers.values, values.size, &values);
-    host_copy(&stage.host, buffers.irradiance, irradiance.size, &irradiance);
-    must(&stage, host_submit(&stage.host));
+    read_light(&stage, &values, &irradiance);
 
     /* The room is open and convex: nothing is in the way of any light. */
     assert_true(chiaro_sky_split(&sky, &lights[3], &radius, radiance));

@@ -51,16 +51,8 @@ static void every_pass_gives_what_the_cpu_gives(void **state)
                                    sun_light(vec3(-0.3f, -0.8f, -0.4f), 2)};
     settle(&stage, (ChiaroVulkanSettings){.without = CHIARO_WITHOUT_SHADOWS});
     assert_int_equal(stage.api->lights_set(stage.chiaro, lights, 3), CHIARO_OK);
-    ChiaroVulkanBuffers buffers = {.struct_size = sizeof buffers};
     HostBuffer values, irradiance;
-    assert_int_equal(stage.api->buffers(stage.chiaro, &buffers), CHIARO_OK);
-    must(&stage, host_buffer_create(&stage.host, 32 * (VkDeviceSize)t->node_count, &values));
-    must(&stage, host_buffer_create(&stage.host, 16 * (VkDeviceSize)t->receiver_count, &irradiance));
-    must(&stage, host_begin(&stage.host));
-    update(&stage);
-    host_copy(&stage.host, buffers.values, values.size, &values);
-    host_copy(&stage.host, buffers.irradiance, irradiance.size, &irradiance);
-    must(&stage, host_submit(&stage.host));
+    read_light(&stage, &values, &irradiance);
 
     float *scratch = calloc(3 * ((size_t)t->node_count + t->sample_count + t->receiver_count), sizeof(float));
     float *received = scratch + 3 * ((size_t)t->node_count + t->sample_count);

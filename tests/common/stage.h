@@ -103,6 +103,22 @@ static inline void update(Stage *stage)
     assert_int_equal(stage->api->update(stage->chiaro, &info), CHIARO_OK);
 }
 
+/* What an update makes: of each node what lights give, then with all bounces, and irradiance of each receiver. */
+static inline void read_light(Stage *stage, HostBuffer *values, HostBuffer *irradiance)
+{
+    const ChiaroTransport *t = &stage->transport;
+    ChiaroVulkanBuffers buffers = {.struct_size = sizeof buffers};
+    assert_int_equal(stage->api->buffers(stage->chiaro, &buffers), CHIARO_OK);
+    assert_int_equal(buffers.node_count, t->node_count);
+    must(stage, host_buffer_create(&stage->host, 32 * (VkDeviceSize)t->node_count, values));
+    must(stage, host_buffer_create(&stage->host, 16 * (VkDeviceSize)t->receiver_count, irradiance));
+    must(stage, host_begin(&stage->host));
+    update(stage);
+    host_copy(&stage->host, buffers.values, values->size, values);
+    host_copy(&stage->host, buffers.irradiance, irradiance->size, irradiance);
+    must(stage, host_submit(&stage->host));
+}
+
 /* A whole frame; the picture is the host's. */
 static inline const float *render(Stage *stage)
 {
