@@ -36,7 +36,7 @@ static void put_text(FILE *file, const char *text)
 
 /* ---- plots -------------------------------------------------------------------------------------------------------- */
 
-/* Where numbers fall on the paper. Axes are logarithmic, but for an x axis that begins at zero. */
+/* Where numbers fall on the paper. Axes are logarithmic, but for an x axis that begins at zero: it counts. */
 typedef struct Plot {
     FILE *file;
     bool linear;            /* the x axis */
@@ -98,8 +98,9 @@ static void begin_plot(const Plot *plot, const char *title, const char *x_label,
         double span = plot->high[axis] - plot->low[axis];
         int marks = span > 3 ? 1 : span > 1 ? 3 : 8;
         if (plot->linear && axis == 0) {
-            for (int k = 0; k <= 4; k++)
-                put_tick(plot, axis, k * plot->high[axis] / 1.1 / 4);
+            double step = ceil(plot->high[axis] / 1.1 / 5); /* whole frames */
+            for (int k = 0; step > 0 && k * step < plot->high[axis]; k++)
+                put_tick(plot, axis, k * step);
             continue;
         }
         for (int decade = (int)floor(plot->low[axis]); decade <= (int)ceil(plot->high[axis]); decade++) {
@@ -441,6 +442,15 @@ static double without_noise(double relrmse, double noise)
 /* A sum of samples that are not there: the article has nothing to say about such a scene. */
 static const double NOTHING_SEEN = 0.99;
 
+/* Nothing, if nothing of this kind was seen. */
+static void put_moving(FILE *file, const char *what, const Metrics *ours, const Metrics *constant, double noise)
+{
+    if (isfinite(ours->relrmse))
+        fprintf(file, "<li>%s: %.4f (noise %.4f); the best constant of the moment: <b>%.1f times</b> as much without that "
+                      "noise.</li>", what, ours->relrmse, noise,
+                without_noise(constant->relrmse, noise) / without_noise(ours->relrmse, noise));
+}
+
 /* What the page is for: how much better than what costs nothing, and than the article's own form. */
 static void put_verdict(FILE *file, const ReportScene *scene)
 {
@@ -473,14 +483,8 @@ static void put_verdict(FILE *file, const ReportScene *scene)
                 time_of(scene, literal, false) / time_of(scene, cheapest, false));
     if (scene->object_count) {
         const ReportPoint *first = &scene->objects[0], *constant = &scene->objects[scene->object_count - 1];
-        fprintf(file, "<li>While objects move: %.4f (noise %.4f), and %.4f (noise %.4f) where an object is seen; the "
-                      "best constant of the moment: <b>%.1f times</b> as much without that noise, and <b>%.1f times</b>."
-                      "</li>",
-                first->indirect.relrmse, scene->moment_noise, first->objects.relrmse, scene->object_noise,
-                without_noise(constant->indirect.relrmse, scene->moment_noise) /
-                    without_noise(first->indirect.relrmse, scene->moment_noise),
-                without_noise(constant->objects.relrmse, scene->object_noise) /
-                    without_noise(first->objects.relrmse, scene->object_noise));
+        put_moving(file, "While objects move", &first->indirect, &constant->indirect, scene->moment_noise);
+        put_moving(file, "The same where an object is seen", &first->objects, &constant->objects, scene->object_noise);
     }
     fputs("</ul>\n", file);
 }

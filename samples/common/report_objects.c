@@ -244,12 +244,12 @@ static void run_frame(Bench *bench, uint32_t frame, Lane *lane)
     }
 }
 
-static void keep_errors(Lane *lane)
+static void keep_errors(ReportPoint *point, const Metrics *whole, const Metrics *objects)
 {
-    if (lane->whole.pixels)
-        lane->point->indirect = lane->whole;
-    if (lane->objects.pixels)
-        lane->point->objects = lane->objects;
+    if (whole->pixels)
+        point->indirect = *whole;
+    if (objects->pixels)
+        point->objects = *objects;
 }
 
 /* Everything stands still where it was in the moments: what remains wrong, and what the setting changes. */
@@ -296,7 +296,7 @@ static void run_turns(Bench *bench, const ChiaroTransport *t, uint32_t first, ui
         report_continue(step, (double)first / SETTINGS);
     }
     for (uint32_t k = 0; k < bench->lane_count; k++) {
-        keep_errors(&bench->lanes[k]);
+        keep_errors(bench->lanes[k].point, &bench->lanes[k].whole, &bench->lanes[k].objects);
         if (k >= kept)
             rest(bench, &bench->lanes[k]);
         close_lane(bench, &bench->lanes[k]);
@@ -351,7 +351,8 @@ static void run_constant(const Bench *bench)
         compare(bench, moment, &picture, &unused, &objects);
         free(picture.pixels);
     }
-    point->indirect = whole, point->objects = objects, point->baseline = true;
+    keep_errors(point, &whole, &objects);
+    point->baseline = true;
 }
 
 void report_objects(Report *report, ReportScene *scene, ReportDevice *device, const ChiaroTransport *t, float size)

@@ -218,6 +218,17 @@ static void each_row(FILE *file, const Report *report, RowFunc put)
     }
 }
 
+/* Nine digits, and no power of ten: who cuts a column short must not take 1.6e-05 for 1.6. */
+static void put_csv_number(FILE *file, double value)
+{
+    char text[32];
+    snprintf(text, sizeof text, "%.9g", value);
+    if (strchr(text, 'e'))
+        fprintf(file, "%.*f", fabs(value) < 1 ? (int)fmin(8 - floor(log10(fabs(value))), 30) : 0, value);
+    else
+        fputs(text, file);
+}
+
 static void put_csv_row(FILE *file, const Row *row, bool first)
 {
     if (first) {
@@ -234,7 +245,7 @@ static void put_csv_row(FILE *file, const Row *row, bool first)
     for (uint32_t k = 0; k < COLUMNS; k++) {
         fputc(',', file);
         if (isfinite(row->columns[k].value))
-            fprintf(file, "%.9g", row->columns[k].value);
+            put_csv_number(file, row->columns[k].value);
     }
     fputc('\n', file);
 }
