@@ -6,6 +6,7 @@
 #include <string.h>
 
 enum { WIDTH = 560, HEIGHT = 340, LEFT = 64, RIGHT = 16, TOP = 28, BOTTOM = 46, MOST_NUMBERS = 8 };
+static const double LINE = 12.5; /* from base line to base line */
 
 static const char style[] =
     "body{font:15px/1.5 system-ui,sans-serif;color:#1b1b1f;background:#fff;max-width:1180px;margin:2em auto;padding:0 1em}"
@@ -41,8 +42,8 @@ typedef struct Plot {
     FILE *file;
     bool linear;            /* the x axis */
     double low[2], high[2]; /* of x and y, as log10 unless linear */
-    double labels[REPORT_POINTS][3]; /* left, right and base line of those that stand already */
-    uint32_t label_count;
+    double taken[2 * REPORT_POINTS][3]; /* left, right and base line of dots, and of labels that stand already */
+    uint32_t taken_count;
 } Plot;
 
 static double place(const Plot *plot, int axis, double value)
@@ -126,27 +127,42 @@ static void end_plot(const Plot *plot, const char *caption)
     fputs("</figcaption></figure>\n", plot->file);
 }
 
-/* A dot with its label, which gives way to those that stand there. */
+static void take_room(Plot *plot, double begin, double end, double base)
+{
+    if (plot->taken_count == sizeof plot->taken / sizeof *plot->taken)
+        return;
+    double *own = plot->taken[plot->taken_count++];
+    own[0] = begin, own[1] = end, own[2] = base;
+}
+
+/* Labels stay off dots that are still to come. */
+static void expect_dot(Plot *plot, double x, double y)
+{
+    double px = place(plot, 0, x), py = place(plot, 1, y);
+    take_room(plot, px - 4, px + 4, py + 4);
+}
+
+/* The base line of a label, as near as it is free: moved by `way` until it touches nothing. */
+static double find_free(const Plot *plot, double begin, double end, double base, double way)
+{
+    for (uint32_t k = 0; k < plot->taken_count; k++) {
+        const double *other = plot->taken[k];
+        if (begin < other[1] && end > other[0] && fabs(base - other[2]) < fabs(way))
+            base = other[2] + way, k = UINT32_MAX; /* and look again */
+    }
+    return base;
+}
+
+/* A dot with its label, which gives way to what stands there: up or down, whichever is nearer and on the paper. */
 static void put_dot(Plot *plot, double x, double y, const char *color, bool large, const char *label)
 {
-    double px = place(plot, 0, x), py = place(plot, 1, y), width = 6.2 * (double)strlen(label), base = py - 5;
+    double px = place(plot, 0, x), py = place(plot, 1, y), width = 6.2 * (double)strlen(label);
     bool left = px + 8 + width > WIDTH - RIGHT;
     double begin = left ? px - 8 - width : px + 8, end = begin + width;
-    /* Down, until it is free; up, where that leads off the paper. */
-    for (double way = 12.5; way > -13; way -= 25) {
-        base = py - 5;
-        for (uint32_t k = 0; k < plot->label_count; k++) {
-            const double *other = plot->labels[k];
-            if (begin < other[1] && end > other[0] && fabs(base - other[2]) < 12.5)
-                base = other[2] + way, k = UINT32_MAX; /* and look again */
-        }
-        if (base < HEIGHT - BOTTOM - 2)
-            break;
-    }
-    if (plot->label_count < REPORT_POINTS) {
-        double *own = plot->labels[plot->label_count++];
-        own[0] = begin, own[1] = end, own[2] = base;
-    }
+    double up = find_free(plot, begin, end, py - 5, -LINE), down = find_free(plot, begin, end, py - 5, LINE);
+    bool fits = down < HEIGHT - BOTTOM - 2 && (up < TOP + LINE || down - py + 5 < py - 5 - up);
+    double base = fits ? down : up;
+    take_room(plot, begin, end, base);
     if (fabs(base - py) > 16)
         fprintf(plot->file, "<path d=\"M%.1f %.1fL%.1f %.1f\" stroke=\"#bbb\"/>", px, py, left ? px - 7 : px + 7,
                 base - 4);
@@ -248,6 +264,10 @@ static void plot_front(FILE *file, const ReportScene *scene, bool device)
         for (uint32_t i = 0; i < count; i++)
             fprintf(file, "%c%.1f %.1f", i ? 'L' : 'M', place(&plot, 0, line[i][0]), place(&plot, 1, line[i][1]));
         fputs("\"/>", file);
+    }
+    for (uint32_t i = 0; i < scene->point_count; i++) {
+        if (x[i] > 0 && y[i] > 0)
+            expect_dot(&plot, x[i], y[i]);
     }
     for (uint32_t i = 0; i < scene->point_count; i++) {
         const ReportPoint *p = &scene->points[i];
@@ -365,10 +385,12 @@ static void put_table(FILE *file, const ReportScene *scene)
         put_number(file, "1", p->bake_s > 0 ? p->bake_s : (double)NAN);
         put_number(file, "0", p->bytes / 1024);
         put_times(file, p);
-        put_number(file, "2", p->cpu_ms[0]);
-        put_number(file, "2", p->cpu_ms[1] + p->cpu_ms[3]);
-        put_number(file, "2", p->cpu_ms[2]);
-        put_number(file, "2", p->cpu_ms[4]);
+        /* What was not timed has no time. */
+        const double *ms = p->cpu_ms, core = time_of(scene, p, false) > 0 ? 1 : (double)NAN;
+        put_number(file, "2", core * ms[0]);
+        put_number(file, "2", core * (ms[1] + ms[3]));
+        put_number(file, "2", core * ms[2]);
+        put_number(file, "2", core * ms[4]);
         put_errors(file, &p->indirect);
         put_number(file, "4", p->full.relrmse);
         put_number(file, "4", p->full.mean_ratio);
