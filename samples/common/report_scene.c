@@ -374,9 +374,10 @@ static void split_causes(Bench *bench)
     ChiaroIoImage right = draw_on_core(bench, t, exact.mean), fitted = draw_on_core(bench, t, chosen->irradiance);
     ChiaroIoImage linked = draw_on_core(bench, &most->transport, most->irradiance);
     double grain = report_differ(report, &halves[0], &halves[1], NULL).relrmse / 2;
-    add_cause(scene, "noise of the truth", scene->noise[CHIARO_COMPONENT_INDIRECT]);
+    double noise = scene->noise[CHIARO_COMPONENT_INDIRECT];
+    add_cause(scene, "noise of the truth", noise);
     add_cause(scene, "interpolation over receivers (with the truth at each)",
-              less(report_compare(report, scene, &right, CHIARO_COMPONENT_INDIRECT).relrmse, grain));
+              less(report_compare(report, scene, &right, CHIARO_COMPONENT_INDIRECT).relrmse, hypot(grain, noise)));
     add_cause(scene, "sampling of the bake (K = 128 against that truth)",
               less(report_differ(report, &linked, &right, NULL).relrmse, grain));
     add_cause(scene, "compression of the links (default against K = 128)",
