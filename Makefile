@@ -205,8 +205,9 @@ report: all ## error against run time as a page [SCENE=file.glb] [OPTIONS='--qui
 	 -o $(B)/report $(OPTIONS)
 
 bench: all ## error and cost: K = 8 .. 64 beside three baselines, cubes, objects, 1,000 of them beside the article's form
+	@rm -rf $(B)/bench/chiaro # bakes are timed
 	@VK_DRIVER_FILES=$${VK_DRIVER_FILES:-$$(ls /usr/share/vulkan/icd.d/lvp_icd*.json | head -n 1)} \
-	 XDG_CACHE_HOME=$(B)/bench $(B)/bin/chiaro-bench $(B)/bench
+	 XDG_CACHE_HOME=$(abspath $(B))/bench $(B)/bin/chiaro-bench $(B)/bench
 	@$(B)/bin/chiaro-bench-cubes
 	@$(B)/bin/chiaro-bench-objects
 	@samples/pictures.sh $(B)

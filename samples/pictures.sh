@@ -6,7 +6,7 @@ build=$1
 out=$build/report
 spp=${REPORT_SPP:-96}
 mkdir -p "$out"
-XDG_CACHE_HOME=$out/cache
+XDG_CACHE_HOME=$(cd "$out" && pwd)/cache # which must not be relative
 export XDG_CACHE_HOME
 if [ -z "${VK_DRIVER_FILES:-}" ]; then
     for file in /usr/share/vulkan/icd.d/lvp_icd*.json; do
