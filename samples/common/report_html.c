@@ -438,7 +438,8 @@ static void put_motion_table(FILE *file, const ReportScene *scene)
                                         "for being late"};
     fprintf(file, "<h3>Lights and objects that move under a budget</h3>\n<p>The module runs as in a game; indirect light of "
                   "each frame against the truth of that frame (noise %.4f), the same with nothing late, and one against the "
-                  "other: the error for being late. Age: of the oldest light that is shown.</p>\n", scene->motion_noise);
+                  "other: the error for being late. Age: of the oldest light that is shown. Lights go round small circles: "
+                  "who is late by more than half a turn may look less late than he is.</p>\n", scene->motion_noise);
     begin_table(file, heads, sizeof heads / sizeof *heads);
     for (uint32_t i = 0; i < scene->motion_count; i++) {
         const ReportPoint *p = &scene->motion[i];
