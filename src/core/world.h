@@ -16,6 +16,7 @@
 #include "chiaro/chiaro_kernel.h"
 #include "chiaro/chiaro_world.h"
 #include "cubes.h"
+#include "lanes.h"
 
 /* A piece of the drawn static mesh. */
 typedef struct Tile {
@@ -43,6 +44,7 @@ typedef struct Body {
     bool painted; /* in this round */
     bool shines;  /* by itself */
     bool ball;    /* chiaro_object_is_ball() */
+    float skin;   /* chiaro_world_skin() */
     float transform[16];
     Pose now, pose; /* as it was told last; as it is in this round */
     uint32_t first_slot, first_element; /* its nodes begin at 2 * first_element */
@@ -97,8 +99,7 @@ typedef struct StaticHit {
     uint32_t tile; /* CHIARO_NONE: the sky */
 } StaticHit;
 
-enum { WORLD_MAX_NEAR = 1024, WORLD_MAX_BALLS = 64, WORLD_TICKS_A_ROUND = 4,
-       WORLD_BLOCK = 16 };
+enum { WORLD_MAX_NEAR = 1024, WORLD_MAX_BALLS = 64, WORLD_TICKS_A_ROUND = 4, WORLD_BLOCK = 16, WORLD_BATCH = 8 };
 
 /* Something near a hull: a plate, or a ball of which so much area is seen. */
 typedef struct NearThing {
@@ -107,15 +108,20 @@ typedef struct NearThing {
     bool ball;
 } NearThing;
 
-/* All of it. Number by number, so that four go at a time; there is room for three more that are not seen. */
+/* All of it. Plates number by number, so that four go at a time; there is room for three more that are not seen. */
 enum { NEAR_X, NEAR_Y, NEAR_Z, NEAR_NX, NEAR_NY, NEAR_NZ, NEAR_AREA, NEAR_HALF, NEAR_VISIBLE, NEAR_RED, NEAR_GREEN,
        NEAR_BLUE, NEAR_NUMBERS };
 enum { BALL_X, BALL_Y, BALL_Z, BALL_RADIUS, BALL_VISIBLE, BALL_RED, BALL_GREEN, BALL_BLUE, BALL_NUMBERS };
 typedef struct Near {
     float plates[NEAR_NUMBERS][WORLD_MAX_NEAR + 4];
-    float balls[BALL_NUMBERS][WORLD_MAX_BALLS + 4];
+    float balls[WORLD_MAX_BALLS][BALL_NUMBERS];
     uint32_t plate_count, ball_count;
 } Near;
+
+/* Places of a hull and their normals, up to four. */
+typedef struct NearReceivers {
+    Lanes point[3], normal[3];
+} NearReceivers;
 
 struct ChiaroWorld {
     ChiaroWorldDesc desc; /* resolved */
@@ -164,9 +170,9 @@ struct ChiaroWorld {
     Vec3 eye, forward;
     BlockerGrid grid, shown;      /* as the round sees it; as the host does */
 
-    struct Canvas *canvas, *asked; /* of the cube that is painted; of one that the host asks for */
+    struct Canvas *canvases, *asked; /* of cubes that are painted, WORLD_BATCH where jobs share them; of one that is asked for */
     uint32_t *stack;
-    float *radiosity; /* of the elements of one object */
+    float *radiosity; /* of elements, while their object is painted */
 };
 
 static inline Vec3 pose_turn(const Pose *pose, Vec3 v)
@@ -215,8 +221,8 @@ bool chiaro_static_tiles(ChiaroWorld *world);
 bool chiaro_static_boxes(ChiaroWorld *world);
 /* The rays of a cube: four by four side by side make a block, two by two a quarter of it. False: out of memory. */
 bool chiaro_static_rays(ChiaroWorld *world);
-/* What each ray of a block meets. */
-void chiaro_static_trace(const ChiaroWorld *world, Vec3 from, uint32_t first, StaticHit hits[WORLD_BLOCK]);
+/* What each ray of a block meets. An object of radius `skin` that stands half in a wall looks out of it. */
+void chiaro_static_trace(const ChiaroWorld *world, Vec3 from, float skin, uint32_t first, StaticHit hits[WORLD_BLOCK]);
 
 /* --- world_paint.c --- */
 /* Room for the cube that is painted, and for one that is asked for meanwhile; false: out of memory. */
@@ -226,14 +232,18 @@ uint32_t chiaro_world_steps(const ChiaroWorld *world);
 /* Repaints all cubes of a body and lights its elements, from `last` into `next`, in so many steps a call. True: all is
  * done. A body that was begun is ended before the next one, unless it goes. */
 bool chiaro_world_paint(ChiaroWorld *world, uint32_t id, uint32_t steps);
-/* The same for a cube at any place; texels as in Shine. */
+/* The same at once, on one of WORLD_BATCH canvases. */
+void chiaro_world_paint_whole(ChiaroWorld *world, uint32_t canvas, uint32_t id);
+/* The radius of a hull that is a sphere, whichever way it is turned; 0: it is none. */
+float chiaro_world_skin(const ChiaroWorld *world, const ChiaroObject *object);
+/* chiaro_world_paint() for a cube at any place; texels as in Shine. */
 void chiaro_world_paint_at(ChiaroWorld *world, Vec3 center, float radius, float *texels);
 Vec3 chiaro_world_direct(const ChiaroWorld *world, Vec3 point, Vec3 normal);
 
 /* --- world_near.c --- */
 void chiaro_near_add(Near *near, const NearThing *thing);
-/* What comes from near things to a place of the hull: irradiance / pi, and how much of the hemisphere they take. */
-void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4]);
+/* What comes from near things to so many places of the hull: irradiance / pi, and how much of the hemisphere they take. */
+void chiaro_near_sum(Near *near, const NearReceivers *receivers, uint32_t count, float light[][4]);
 
 /* --- world_blockers.c --- */
 /* All blockers of an object, at most CHIARO_MAX_OBJECT_BLOCKERS. Returns their number. */
