@@ -13,7 +13,7 @@ extern "C" {
 #endif
 
 /** Rises with every change of what the baker makes of the same scene and settings: for keys of caches. */
-#define CHIARO_BAKE_REVISION 11u
+#define CHIARO_BAKE_REVISION 12u
 
 /** Limits of ChiaroBakeDesc. */
 #define CHIARO_MAX_LINKS 128u

@@ -13,8 +13,9 @@ enum { LEVEL_STEP = 8 /* rows tell how bright a block is: each so many-th */ };
 /* Light that might get in from near by counts this much; and that which shines on what is near the rows themselves. */
 static const float SPILL = 0.25f, OWN_SPILL = 0.05f;
 
-/* A training light counts by its brightness to this power, minus one: 1 would heed bright ones only, 0 all alike. */
-static const float LEVEL_POWER = 0.75f;
+/* A training light counts by its brightness to this power, minus one: 1 would heed bright ones only, 0 all alike. In a room
+ * that is lit through a door, lamps of its own are a hundred times as bright: it must be right without them, too. */
+static const float LEVEL_POWER = 0.5f;
 /* Training lights below this part of the brightest do not count in a block. */
 static const float LEAST_LEVEL = 1e-6f;
 /* Training lights that are taken, for each that shares in a block's light as if all were equally bright; the least. */
