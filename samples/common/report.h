@@ -121,7 +121,8 @@ typedef struct Report {
 } Report;
 
 /* --- report_steps.c --- */
-double report_now(void); /* s */
+double report_now(void);       /* s */
+double report_core_time(void); /* s that this thread had a core: what else the machine does is not in it */
 /* A long job with its bar. SIGINT is heard by report_continue() and by what bakes and traces, and ends the program with one
  * line; files that are there stay as they are. */
 typedef struct ReportStep {

@@ -184,10 +184,10 @@ static void run_probes(Report *report, ReportStep *step, ReportScene *scene, con
     chiaro_reference_destroy(reference);
     double best = INFINITY;
     for (int repeat = 0; repeat < 3; repeat++) {
-        double begin = report_now();
+        double begin = report_core_time();
         for (uint32_t r = 0; r < t->receiver_count; r++)
             look_up(&grid, rays, &t->receivers[r], irradiance + 3 * r);
-        best = fmin(best, report_now() - begin);
+        best = fmin(best, report_core_time() - begin);
     }
     ReportPoint *point = add_baseline(report, scene, t, irradiance, false, true,
                                       "SH probes, order 2, 10 x 10 x 10, true ones");
@@ -269,7 +269,7 @@ static void run_literally(Report *report, ReportStep *step, ReportScene *scene, 
         char name[REPORT_TEXT];
         double best = INFINITY;
         for (int repeat = 0; repeat < 3; repeat++) {
-            double begin = report_now();
+            double begin = report_core_time();
             for (uint32_t r = 0; r < t->receiver_count; r++) {
                 const Candidate *list = chosen + (size_t)r * MOST_K;
                 float sum[3] = {0, 0, 0};
@@ -279,7 +279,7 @@ static void run_literally(Report *report, ReportStep *step, ReportScene *scene, 
                 }
                 memcpy(irradiance + 3 * (size_t)r, sum, sizeof sum);
             }
-            best = fmin(best, report_now() - begin);
+            best = fmin(best, report_core_time() - begin);
         }
         snprintf(name, sizeof name, "the article literally, K = %u", ks[k]);
         ReportPoint *point = add_baseline(report, scene, t, irradiance, true, k == 1, name);

@@ -122,9 +122,9 @@ ReportFrame report_frame(ReportDevice *device, ReportContext *context, const Rep
     double begin = report_now();
     begin_frame(device, context);
     host_timestamp(host, 0);
-    double record = report_now();
+    double record = report_core_time();
     record_update(device, context, budget);
-    frame.record = 1e3 * (report_now() - record);
+    frame.record = 1e3 * (report_core_time() - record);
     host_timestamp(host, 1);
     host_begin_pass(host);
     device->draw.command_buffer = host->commands;

@@ -214,18 +214,18 @@ static float *update_on_core(Bench *bench, const ChiaroTransport *t, const Chiar
     for (uint32_t k = 0; k < REPORT_TASKS; k++)
         ms[k] = INFINITY;
     for (int repeat = 0; repeat < REPEATS; repeat++) {
-        double time[REPORT_TASKS + 1] = {report_now()};
+        double time[REPORT_TASKS + 1] = {report_core_time()};
         chiaro_samples_light(t, lights, bench->scene->light_count, NULL, NULL, scratch);
-        time[1] = report_now();
+        time[1] = report_core_time();
         chiaro_tree_sum(t, scratch);
-        time[2] = report_now();
+        time[2] = report_core_time();
         chiaro_links_gather(&t->sample_links, scratch, samples);
-        time[3] = report_now();
+        time[3] = report_core_time();
         chiaro_tree_sum(t, scratch);
-        time[4] = report_now();
+        time[4] = report_core_time();
         chiaro_links_gather(&t->receiver_links, scratch, irradiance);
         chiaro_receivers_mix(t, irradiance);
-        time[5] = report_now();
+        time[5] = report_core_time();
         for (uint32_t k = 0; k < REPORT_TASKS; k++)
             ms[k] = fmin(ms[k], 1e3 * (time[k + 1] - time[k]));
     }

@@ -11,12 +11,16 @@ enum { SEED_STEP = 0x9e3779b9 & 0x7fffffff, HALF_STEP = 0x3c6ef372, GRAIN = 16 }
 /* Of the truth's indirect light: more paths do not pay. */
 static const double NOISE = 0.02, QUICK_NOISE = 0.05;
 
-double report_now(void)
+static double read_clock(clockid_t clock)
 {
     struct timespec time;
-    clock_gettime(CLOCK_MONOTONIC, &time);
+    clock_gettime(clock, &time);
     return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
 }
+
+double report_now(void) { return read_clock(CLOCK_MONOTONIC); }
+
+double report_core_time(void) { return read_clock(CLOCK_THREAD_CPUTIME_ID); }
 
 void *report_alloc(const Report *report, size_t count, size_t size)
 {
