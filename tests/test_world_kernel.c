@@ -230,10 +230,12 @@ static void play_flock(const Lit *lit, uint32_t budget)
         assert_true(stats.bound == 0 || (stats.age <= stats.bound && stats.oldest <= stats.bound));
     }
     TimeSpread spread = spread_of_times(times, FRAMES);
+    TimeSpread sums = spread_of_sums(budget, times, FRAMES);
     ChiaroKernelStats stats = stats_of(flock.world);
-    printf("  %s, %4u us: median %.0f, p99 %.0f, most %.0f us; %.1f cubes a frame; oldest item %u frames, stated %u\n",
-           lit ? "in a room" : "in the open", budget, spread.median, spread.p99, spread.most, (double)painted / FRAMES,
-           stats.age, stats.bound);
+    printf("  %s, %4u us: median %.0f, p99 %.0f, most %.0f us (sums %.0f, %.0f, %.0f); %.1f cubes a frame; oldest item %u "
+           "frames, stated %u\n",
+           lit ? "in a room" : "in the open", budget, spread.median, spread.p99, spread.most, sums.median, sums.p99,
+           sums.most, (double)painted / FRAMES, stats.age, stats.bound);
     scatter(&flock);
 }
 

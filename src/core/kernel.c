@@ -16,9 +16,15 @@ static const uint32_t span_frames[SPANS] = {1, 16, LONGEST_SPAN};
 
 /* What an item of a kind is taken to cost falls by this much a time toward what it does cost; it rises at once, but by no
  * more than this factor: one that was dear by chance must not stop the others for long. */
-static const float FORGET = 1.0f / 64, RISE = 2;
+static const float FORGET = 1.0f / 64, RISE = 1.25f;
 /* And may be dearer than ever before by so much. */
 static const float MARGIN = 1.25f;
+
+/* What is kept back of a frame, for machines that now and then take a moment for themselves: it grows by a step with every
+ * frame that is late, and shrinks by a part of it with every one that is not, so that one in LATE_ONE_IN is. In parts of
+ * the budget; a frame is late if it takes so much more. */
+enum { LATE_ONE_IN = 128 };
+static const float LATE = 1.0f / 16, KEEP_STEP = 1.0f / 16, KEEP_FIRST = 0.125f, KEEP_MOST = 0.25f;
 
 typedef struct Due {
     uint64_t since; /* frame */
@@ -32,6 +38,7 @@ struct ChiaroKernel {
     ChiaroKernelDesc desc; /* resolved */
     uint64_t frame, began, started; /* nanoseconds: the frame, and the item under way */
     uint64_t limit; /* nanoseconds of the frame */
+    float kept;     /* part of a budget that is kept back */
     ChiaroBudget budget;
     ChiaroKernelStats stats;
     float nanoseconds[CHIARO_MAX_KERNEL_KINDS]; /* a unit */
@@ -70,7 +77,7 @@ ChiaroResult chiaro_kernel_init(const ChiaroKernelDesc *desc, void *memory, size
         size < chiaro_kernel_size(desc))
         return CHIARO_ERROR_ARGUMENT;
     ChiaroKernel *made = memory;
-    *made = (ChiaroKernel){.desc = resolved, .working = CHIARO_NONE};
+    *made = (ChiaroKernel){.desc = resolved, .working = CHIARO_NONE, .kept = KEEP_FIRST};
     made->items = (Due *)(made + 1);
     made->heap = (uint32_t *)(made->items + resolved.item_count);
     for (uint32_t i = 0; i < resolved.item_count; i++)
@@ -200,16 +207,21 @@ static bool affordable(const ChiaroKernel *kernel, const Due *due, uint32_t unit
         return true;
     if (budget->units && kernel->stats.units + (uint64_t)units > budget->units)
         return false;
-    float wanted = MARGIN * kernel->nanoseconds[due->kind] * (float)units;
+    float wanted = MARGIN * kernel->nanoseconds[due->kind] * (float)units +
+                   1000 * kernel->kept * (float)budget->microseconds;
     return !budget->microseconds || !kernel->desc.clock.now || (double)spent + (double)wanted <= (double)kernel->limit;
 }
 
-/* The frame leaves some undone. */
-static void end_short(ChiaroKernel *kernel)
+/* The frame leaves some undone, after so many nanoseconds. */
+static void end_short(ChiaroKernel *kernel, uint64_t spent)
 {
     uint32_t units = kernel->stats.units;
     if (kernel->last_left == kernel->frame)
         return;
+    bool late = kernel->budget.microseconds &&
+                (double)spent > (double)kernel->limit + (double)LATE * 1000 * (double)kernel->budget.microseconds;
+    float kept = kernel->kept + KEEP_STEP * (late ? 1 : -1.0f / LATE_ONE_IN);
+    kernel->kept = kept < 0 ? 0 : kept < KEEP_MOST ? kept : KEEP_MOST;
     if (kernel->last_left + 1 != kernel->frame) {
         kernel->run = 0;
         memset(kernel->span_units, 0, sizeof kernel->span_units);
@@ -237,7 +249,7 @@ uint32_t chiaro_kernel_next(ChiaroKernel *kernel, uint32_t *units)
     Due *due = &kernel->items[item];
     uint32_t slice = due->slice < due->cost ? due->slice : due->cost;
     if (!affordable(kernel, due, slice, spent)) {
-        end_short(kernel);
+        end_short(kernel, spent);
         return CHIARO_NONE;
     }
     stats->age = age > stats->age ? age : stats->age;

@@ -374,6 +374,8 @@ static void touch_lights(ChiaroVulkan *context, const ShownObject *shown)
     LightState *lights = &context->lights;
     Vec3 center = vec3_load(shown->center);
     bool own = chiaro_vulkan_own_shadows(context);
+    if (!own && context->objects.shadow_moved)
+        return;
     for (uint32_t i = 0; i < chiaro_vulkan_lights(context); i++) {
         if (!reaches(&lights->gpu[i], center, shown->radius))
             continue;
@@ -387,16 +389,22 @@ static void touch_lights(ChiaroVulkan *context, const ShownObject *shown)
 static bool grow_bounds(ChiaroVulkan *context, const ShownObject *shown)
 {
     SceneState *scene = &context->scene;
-    bool grew = false;
+    float low[3], high[3];
+    bool grows = false;
+    for (int axis = 0; axis < 3; axis++) {
+        low[axis] = shown->center[axis] - shown->radius, high[axis] = shown->center[axis] + shown->radius;
+        grows |= low[axis] < scene->low[axis] || high[axis] > scene->high[axis];
+    }
+    if (!grows)
+        return false;
     float margin = growth * vec3_length(vec3_sub(vec3_load(scene->high), vec3_load(scene->low)));
     for (int axis = 0; axis < 3; axis++) {
-        float low = shown->center[axis] - shown->radius, high = shown->center[axis] + shown->radius;
-        if (low < scene->low[axis])
-            scene->low[axis] = low - margin, grew = true;
-        if (high > scene->high[axis])
-            scene->high[axis] = high + margin, grew = true;
+        if (low[axis] < scene->low[axis])
+            scene->low[axis] = low[axis] - margin;
+        if (high[axis] > scene->high[axis])
+            scene->high[axis] = high[axis] + margin;
     }
-    return grew;
+    return true;
 }
 
 static void take_place(ShownObject *shown, const ChiaroObjectState *object, ChiaroGpuObject *gpu)
