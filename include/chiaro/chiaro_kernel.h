@@ -17,7 +17,9 @@
  *
  * A budget is microseconds of the host's clock or units of work. Units are deterministic: the same calls hand out the
  * same items. In microseconds the kernel starts an item only if the rest of the budget is enough for what items of its
- * kind were seen to take. In either case at least one item a frame is handed out, so that work always ends.
+ * kind were seen to take; where frames end late more often than one in 128, as on a machine that is busy with other
+ * things, it keeps a part of the budget back. In either case at least one item a frame is handed out, so that work always
+ * ends.
  *
  * Memory is the host's: ask for the size, hand over a block. Nothing is allocated.
  */

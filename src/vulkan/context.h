@@ -331,9 +331,7 @@ typedef struct ObjectMesh {
 /* An object of the world, by its number. */
 typedef struct ShownObject {
     uint32_t mesh; /* CHIARO_NONE: not shown */
-    bool placed;   /* the device knows it: by these */
-    uint32_t slot;
-    float transform[16];
+    bool placed;   /* the device knows it */
     float center[3], radius; /* in the world */
 } ShownObject;
 
