@@ -11,8 +11,8 @@
 enum { DEFAULT_LATENCY = 4 };
 
 /* Runs of frames that left some undone, whose units are added up for the bound on age. */
-enum { SPANS = 3, LONGEST_SPAN = 256 };
-static const uint32_t span_frames[SPANS] = {1, 16, LONGEST_SPAN};
+enum { SPANS = 6, LONGEST_SPAN = 1024 };
+static const uint32_t span_frames[SPANS] = {1, 4, 16, 64, 256, LONGEST_SPAN};
 
 /* What an item of a kind is taken to cost falls by this much a time toward what it does cost; it rises at once, but by no
  * more than this factor: one that was dear by chance must not stop the others for long. */
@@ -268,6 +268,19 @@ uint32_t chiaro_kernel_next(ChiaroKernel *kernel, uint32_t *units)
     return item;
 }
 
+/* Frames that so many units take at most: as many of the longest spans as they fill, what is left by shorter ones. A span
+ * that was seen does no less than the shorter ones that it consists of. */
+static uint64_t frames_for(const ChiaroKernel *kernel, uint64_t units, uint32_t spans)
+{
+    if (units == 0 || spans == 0)
+        return 0;
+    uint64_t least = kernel->span_least[spans - 1], frames = span_frames[spans - 1];
+    if (least == 0)
+        return frames_for(kernel, units, spans - 1);
+    uint64_t rest = spans > 1 ? frames_for(kernel, units % least, spans - 1) : units % least > 0;
+    return units / least * frames + (rest < frames ? rest : frames);
+}
+
 ChiaroResult chiaro_kernel_stats(const ChiaroKernel *kernel, ChiaroKernelStats *stats)
 {
     if (!stats || stats->struct_size != sizeof *stats)
@@ -281,11 +294,7 @@ ChiaroResult chiaro_kernel_stats(const ChiaroKernel *kernel, ChiaroKernelStats *
     stats->struct_size = sizeof *stats;
     stats->oldest = (uint32_t)oldest;
     stats->least_done = (uint32_t)kernel->span_least[0];
-    for (uint32_t s = 0; s < SPANS; s++) {
-        uint64_t k = kernel->span_least[s];
-        uint64_t bound = k ? span_frames[s] * ((stats->most_due + k - 1) / k) + kernel->desc.latency : 0;
-        if (k && (stats->bound == 0 || bound < stats->bound))
-            stats->bound = (uint32_t)(bound < UINT32_MAX ? bound : UINT32_MAX);
-    }
+    uint64_t bound = stats->least_done ? frames_for(kernel, stats->most_due, SPANS) + kernel->desc.latency : 0;
+    stats->bound = (uint32_t)(bound < UINT32_MAX ? bound : UINT32_MAX);
     return CHIARO_OK;
 }
