@@ -317,7 +317,7 @@ static ChiaroResult update(ChiaroVulkan *context, const ChiaroVulkanUpdate *give
     if (context->tail_began) {
         float tail = (float)(context->lap_began - context->tail_began);
         float most = context->tail > 0 ? TAIL_RISE * context->tail : tail;
-        context->tail = tail > most ? most : tail > context->tail ? tail : context->tail + TAIL_FORGET * (tail - context->tail);
+        context->tail = tail > context->tail ? fminf(tail, most) : context->tail + TAIL_FORGET * (tail - context->tail);
     }
     return CHIARO_OK;
 }
