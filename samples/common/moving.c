@@ -1,6 +1,7 @@
 /* Baking and placing what moves. */
 #include "moving.h"
 
+#include "../../src/core/lanes.h"
 #include "baked.h"
 #include "picture.h"
 
@@ -16,18 +17,34 @@
 /* Shadow rays start so many radii above a surface. */
 #define START 1e-3f
 
+/* The spheres of four objects; where there are fewer, the rest are too far away to be met. */
+typedef struct MovingSpheres {
+    Lanes x, y, z, radius;
+} MovingSpheres;
+
 /* A ray in an object's own space. Poses turn, scale evenly and move. */
 typedef struct OwnRay {
     Vec3 start, way;
     float size; /* of one of its metres, in the world */
 } OwnRay;
 
-/* Does the ray meet the sphere that holds the object? Most do not, so this is asked apart. */
-static inline bool comes_near(const MovingPose *pose, Vec3 from, Vec3 way, float end)
+/* The first object from a number on whose sphere the ray meets; as many as there are: none. Most do not, so this is asked
+ * apart, of four at a time. */
+static uint32_t next_near(const Moving *moving, uint32_t first, Vec3 from, Vec3 way, float end)
 {
-    Vec3 line = vec3_sub(pose->center, from);
-    Vec3 miss = vec3_mad(line, way, -chiaro_clamp(vec3_dot(line, way), 0, end));
-    return vec3_dot(miss, miss) <= pose->radius * pose->radius;
+    uint32_t count = moving->objects.count;
+    for (uint32_t group = first / LANES; group * LANES < count; group++) {
+        const MovingSpheres *spheres = &moving->spheres[group];
+        Lanes x = spheres->x - from.x, y = spheres->y - from.y, z = spheres->z - from.z;
+        Lanes along = lanes_max(lanes_of(0), lanes_min(lanes_of(end), x * way.x + y * way.y + z * way.z));
+        x -= along * way.x, y -= along * way.y, z -= along * way.z;
+        LaneMask met = x * x + y * y + z * z <= spheres->radius * spheres->radius;
+        for (uint32_t lane = 0; lanes_any(met) && lane < LANES; lane++) {
+            if (met[lane] && group * LANES + lane >= first)
+                return group * LANES + lane;
+        }
+    }
+    return count;
 }
 
 static OwnRay own_ray(const MovingPose *pose, Vec3 from, Vec3 way)
@@ -56,11 +73,11 @@ static bool sees_light(const ChiaroLight *light, const float point[3], const flo
     if (!chiaro_rays_light_visible(moving->rays, light, p, n))
         return false;
     chiaro_light_at(light, point, toward, &distance, rgb);
-    for (uint32_t i = 0; i < moving->objects.count; i++) {
+    uint32_t count = moving->objects.count;
+    for (uint32_t i = 0; (i = next_near(moving, i, p, vec3_load(toward), distance)) < count; i++) {
         /* An element of a round thing lies a little within it. */
         Vec3 start = vec3_mad(p, n, START * moving->poses[i].radius);
-        if (comes_near(&moving->poses[i], start, vec3_load(toward), distance) &&
-            blocks(moving->own[i], &moving->poses[i], start, vec3_load(toward), distance))
+        if (blocks(moving->own[i], &moving->poses[i], start, vec3_load(toward), distance))
             return false;
     }
     return true;
@@ -130,6 +147,9 @@ static const MovingPose *take_pose(Moving *moving, uint32_t number, double time,
     Vec3 center = vec3_mad(vec3_load(m + 12), vec3_load(m), object->center[0]);
     pose->center = vec3_mad(vec3_mad(center, vec3_load(m + 4), object->center[1]), vec3_load(m + 8), object->center[2]);
     pose->radius = object->radius * vec3_length(vec3_load(m));
+    MovingSpheres *spheres = &moving->spheres[number / LANES];
+    spheres->x[number % LANES] = pose->center.x, spheres->y[number % LANES] = pose->center.y;
+    spheres->z[number % LANES] = pose->center.z, spheres->radius[number % LANES] = pose->radius;
     return pose;
 }
 
@@ -156,6 +176,15 @@ static void create_world(const SceneOptions *options, const ChiaroTransport *tra
     }
 }
 
+static MovingSpheres *make_spheres(size_t count)
+{
+    size_t groups = (count + LANES - 1) / LANES;
+    MovingSpheres *spheres = aligned_alloc(_Alignof(MovingSpheres), groups * sizeof *spheres);
+    for (size_t i = 0; spheres && i < groups; i++)
+        spheres[i] = (MovingSpheres){.x = lanes_of(INFINITY)};
+    return spheres;
+}
+
 void moving_open(const SceneOptions *options, const ChiaroIoScene *file, const ChiaroTransport *transport,
                  const MovingDesc *desc, Moving *moving)
 {
@@ -177,8 +206,9 @@ void moving_open(const SceneOptions *options, const ChiaroIoScene *file, const C
     moving->files = calloc(count, sizeof *moving->files);
     moving->own = calloc(count, sizeof *moving->own);
     moving->poses = calloc(count, sizeof *moving->poses);
+    moving->spheres = make_spheres(count);
     if (!moving->blobs || !moving->files || !moving->baked || !moving->ids || !moving->own || !moving->poses ||
-        !objects_merge(&moving->objects, &shared, NULL, &moving->meshes))
+        !moving->spheres || !objects_merge(&moving->objects, &shared, NULL, &moving->meshes))
         options_fail(options, CHIARO_EXIT_INPUT, "out of memory");
     must(options, "all", chiaro_rays_create(&transport->scene, NULL, &moving->rays));
     moving->part_size = PART_PATCHES * transport->info.patch_size;
@@ -201,6 +231,7 @@ void moving_close(Moving *moving)
     free(moving->files);
     free(moving->own);
     free(moving->poses);
+    free(moving->spheres);
     free(moving->blobs);
     free(moving->baked);
     free(moving->ids);
@@ -256,9 +287,7 @@ uint32_t moving_pick(const Moving *moving, Vec3 from, Vec3 way, float *distance)
     *distance = INFINITY;
     if (moving->rays && picture_hit(moving->rays, from, way, INFINITY, &hit))
         *distance = hit.distance;
-    for (uint32_t i = 0; i < moving->objects.count; i++) {
-        if (!comes_near(&moving->poses[i], from, way, *distance))
-            continue;
+    for (uint32_t i = 0; (i = next_near(moving, i, from, way, *distance)) < moving->objects.count; i++) {
         OwnRay own = own_ray(&moving->poses[i], from, way);
         if (!picture_hit(moving->own[i], own.start, own.way, *distance / own.size, &hit))
             continue;

@@ -33,6 +33,7 @@ typedef struct Moving {
     ChiaroRays *rays;  /* of the static scene: shadows of light that objects pass on ... */
     ChiaroRays **own;  /* ... and of each object, in its own space */
     MovingPose *poses; /* where each of them is */
+    struct MovingSpheres *spheres; /* the same, four at a time */
     MovingDesc desc;
     float part_size; /* of a bake */
     double seconds;  /* that baking took */

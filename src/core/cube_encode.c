@@ -1,5 +1,6 @@
 /* Cubes as a device stores them (article: "you will get away just fine with normal fixed point texture data"). */
 #include "chiaro/chiaro_objects.h"
+#include "lanes.h"
 #include "vec.h"
 
 #include <math.h>
@@ -82,12 +83,24 @@ uint32_t chiaro_cube_format_size(ChiaroCubeFormat format)
 
 static float brightest_color(const float *texels, uint32_t count)
 {
-    float brightest = 0;
-    for (uint32_t t = 0; t < count; t++) {
-        for (int c = 0; c < 3; c++)
-            brightest = fmaxf(brightest, chiaro_clamp(texels[4 * (size_t)t + (size_t)c], 0, MOST));
+    Lanes most = lanes_of(MOST), brightest = lanes_of(0);
+    for (uint32_t t = 0; t < count; t++) /* what is not a number is passed over */
+        brightest = lanes_min(lanes_max(lanes_load(texels + 4 * (size_t)t), brightest), most);
+    return fmaxf(brightest[0], fmaxf(brightest[1], brightest[2]));
+}
+
+/* Bytes of a texel: colours by the scale, coverage by itself. What is not a number becomes nothing. */
+static void encode_bytes(const float *texels, uint32_t count, float scale, unsigned char *bytes)
+{
+    /* The smallest scales have no finite reciprocal. */
+    float lift = scale < 0x1p-96f ? 0x1p96f : 1, steps = scale > 0 ? 255 / (scale * lift) : 0;
+    const Lanes most = {scale, scale, scale, 1}, lifts = {lift, lift, lift, 1}, all = {steps, steps, steps, 255};
+    for (uint32_t t = 0; t < count; t++, bytes += 4) {
+        Lanes value = lanes_min(lanes_max(lanes_load(texels + 4 * (size_t)t), lanes_of(0)), most);
+        LaneMask whole = __builtin_convertvector(value * lifts * all + 0.5f, LaneMask);
+        for (int c = 0; c < 4; c++)
+            bytes[c] = (unsigned char)whole[c];
     }
-    return brightest;
 }
 
 /* Power of two that brings colours into the range of a floating-point format, as an exponent; 0 where they are in it: a
@@ -108,24 +121,15 @@ ChiaroResult chiaro_cube_encode(ChiaroCubeFormat format, const float *texels, ui
     *scale = 1;
     if (!size)
         return CHIARO_ERROR_ARGUMENT;
-    /* In doubles the smallest scale has a finite reciprocal too. */
-    double steps = 255;
-    int exponent = 0;
     float brightest = brightest_color(texels, count);
     if (format == CHIARO_CUBE_UNORM8) {
         *scale = brightest;
-        steps = *scale > 0 ? 255 / (double)*scale : 0;
-    } else {
-        exponent = exponent_for(format, brightest);
-        *scale = ldexpf(1, exponent);
+        encode_bytes(texels, count, brightest, bytes);
+        return CHIARO_OK;
     }
+    int exponent = exponent_for(format, brightest);
+    *scale = ldexpf(1, exponent);
     for (uint32_t t = 0; t < count; t++, texels += 4, bytes += size) {
-        if (format == CHIARO_CUBE_UNORM8) {
-            for (int c = 0; c < 3; c++)
-                bytes[c] = (unsigned char)((double)chiaro_clamp(texels[c], 0, *scale) * steps + 0.5);
-            bytes[3] = (unsigned char)(chiaro_clamp(texels[3], 0, 1) * 255 + 0.5f);
-            continue;
-        }
         float color[3];
         for (int c = 0; c < 3; c++) /* not a number stays that */
             color[c] = ldexpf(texels[c] > MOST ? MOST : texels[c] < -MOST ? -MOST : texels[c], -exponent);

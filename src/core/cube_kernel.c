@@ -68,9 +68,6 @@ static void make_rim(ChiaroCubeKernel *kernel)
 {
     uint32_t edge = kernel->edge, row = edge + 2;
     for (uint32_t face = 0; face < 6; face++) {
-        Vec3 middle = chiaro_cube_direction(face, 0, 0);
-        vec3_store(kernel->axes[face][0], vec3_sub(chiaro_cube_direction(face, 1, 0), middle));
-        vec3_store(kernel->axes[face][1], vec3_sub(chiaro_cube_direction(face, 0, 1), middle));
         for (uint32_t j = 0; j < row; j++) {
             for (uint32_t i = 0; i < row; i++) {
                 /* The plane of the face goes on: what lies beyond its edge falls into the neighbour's outer row. */

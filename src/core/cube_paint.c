@@ -53,16 +53,42 @@ typedef struct Cover {
     uint32_t count;
 } Cover;
 
-static void cover_point(const ChiaroCubeKernel *kernel, Vec3 d, float angle, Cover *cover)
+static void cover_point(const ChiaroCubeTaps *taps, float angle, Cover *cover)
 {
-    ChiaroCubeTaps taps = chiaro_cube_taps(kernel, d);
     for (uint32_t k = 0; k < 4; k++) {
-        uint32_t texel = taps.texel[k];
-        if (!(taps.weight[k] > 0))
+        uint32_t texel = taps->texel[k];
+        if (!(taps->weight[k] > 0))
             continue;
         if (cover->share[texel] == 0)
             cover->touched[cover->count++] = (uint16_t)texel;
-        cover->share[texel] += angle * taps.weight[k];
+        cover->share[texel] += angle * taps->weight[k];
+    }
+}
+
+/* A ring of samples about an axis: its middle, two ways across it, and the place of the first sample by them. */
+typedef struct Ring {
+    Vec3 middle, tangent, bitangent;
+    float x, y;
+    uint32_t count;
+} Ring;
+
+static void cover_ring(const ChiaroCubeKernel *kernel, Ring ring, float angle, Cover *cover)
+{
+    float turn = 2 * CHIARO_PI / (float)ring.count, c = cosf(turn), s = sinf(turn);
+    for (uint32_t first = 0; first < ring.count; first += LANES) {
+        Lanes x, y;
+        for (uint32_t lane = 0; lane < LANES; lane++) {
+            x[lane] = ring.x, y[lane] = ring.y;
+            ring.y = s * x[lane] + c * y[lane], ring.x = c * x[lane] - s * y[lane];
+        }
+        const Lanes samples[3] = {ring.middle.x + ring.tangent.x * x + ring.bitangent.x * y,
+                                  ring.middle.y + ring.tangent.y * x + ring.bitangent.y * y,
+                                  ring.middle.z + ring.tangent.z * x + ring.bitangent.z * y};
+        ChiaroCubePlaces places = chiaro_cube_places(kernel, samples);
+        for (uint32_t lane = 0; lane < LANES && first + lane < ring.count; lane++) {
+            ChiaroCubeTaps taps = chiaro_cube_place_taps(kernel, &places, lane);
+            cover_point(&taps, angle, cover);
+        }
     }
 }
 
@@ -73,25 +99,21 @@ static void cover_disc(const ChiaroCubeKernel *kernel, Vec3 d, float half, float
     memset(cover->share, 0, kernel->texel_count * sizeof *cover->share);
     cover->count = 0;
     if (half < ONE_SAMPLE * texel) {
-        cover_point(kernel, d, angle, cover);
+        ChiaroCubeTaps taps = chiaro_cube_taps(kernel, d);
+        cover_point(&taps, angle, cover);
         return;
     }
-    Vec3 tangent, bitangent;
-    vec3_frame(d, &tangent, &bitangent);
+    Ring ring;
+    vec3_frame(d, &ring.tangent, &ring.bitangent);
     uint32_t rings = half < ONE_RING * texel ? 1 : 1 + (uint32_t)(half / (SPACING * texel));
     float step = half / (float)rings, inner = 0; /* 1 - cos of the ring's inner edge */
     for (uint32_t r = 0; r < rings; r++) {
         float edge = sinf(0.5f * step * (float)(r + 1)), outer = 2 * edge * edge, z = 1 - (inner + outer) / 2;
         float radius = sqrtf(fmaxf(0, 1 - z * z));
-        uint32_t count = 1 + (uint32_t)(2 * CHIARO_PI * radius / step);
-        float part = 2 * CHIARO_PI * (outer - inner) / (float)count, turn = 2 * CHIARO_PI / (float)count;
-        float x = radius * cosf(GOLDEN_TURN * (float)r), y = radius * sinf(GOLDEN_TURN * (float)r);
-        float c = cosf(turn), s = sinf(turn);
-        for (uint32_t k = 0; k < count; k++) {
-            cover_point(kernel, vec3_mad(vec3_mad(vec3_scale(d, z), tangent, x), bitangent, y), part, cover);
-            float next = c * x - s * y;
-            y = s * x + c * y, x = next;
-        }
+        ring.middle = vec3_scale(d, z);
+        ring.x = radius * cosf(GOLDEN_TURN * (float)r), ring.y = radius * sinf(GOLDEN_TURN * (float)r);
+        ring.count = 1 + (uint32_t)(2 * CHIARO_PI * radius / step);
+        cover_ring(kernel, ring, 2 * CHIARO_PI * (outer - inner) / (float)ring.count, cover);
         inner = outer;
     }
 }
@@ -114,16 +136,21 @@ static void take_shares(const ChiaroCubeKernel *kernel, Vec3 d, float half, Cove
 static void paint_texel(ChiaroCubeTexel *texel, const ChiaroCubeDisc *disc, float depth, float share)
 {
     float before = texel->coverage, kept = before;
-    bool beside = before > 0 && fabsf(disc->distance - texel->distance) < depth;
+    if (!(before > 0)) {
+        *texel = (ChiaroCubeTexel){.distance = disc->distance, .coverage = share};
+        vec3_store(texel->radiance, vec3_scale(vec3_load(disc->radiance), share));
+        return;
+    }
+    bool beside = fabsf(disc->distance - texel->distance) < depth;
     bool nearer = disc->distance < texel->distance;
     /* Side by side, only what does not fit is hidden; else the nearer hides its share of the further. */
     if (nearer)
         kept = beside ? fminf(before, 1 - share) : before * (1 - share);
-    else if (before > 0)
+    else
         share = beside ? fminf(share, 1 - before) : share * (1 - before);
     if (!(share > 0))
         return;
-    float keep = before > 0 ? kept / before : 0;
+    float keep = kept / before;
     for (uint32_t c = 0; c < 3; c++)
         texel->radiance[c] = keep * texel->radiance[c] + share * disc->radiance[c];
     texel->coverage = fminf(1, kept + share);
@@ -291,8 +318,6 @@ void chiaro_cube_background(const ChiaroCubeKernel *kernel, ChiaroRadianceFunc f
 void chiaro_cube_look_up(const ChiaroCubeKernel *kernel, const float *texels, const float direction[3], float value[4])
 {
     ChiaroCubeTaps taps = chiaro_cube_taps(kernel, vec3_load(direction));
-    Lanes sum = lanes_of(0);
-    for (uint32_t k = 0; k < 4; k++)
-        sum += taps.weight[k] * lanes_load(texels + 4 * (size_t)taps.texel[k]);
+    Lanes sum = chiaro_cube_mix(&taps, texels);
     memcpy(value, &sum, sizeof sum);
 }

@@ -8,19 +8,8 @@
 
 #include <string.h>
 
-/* Red, green, blue and coverage side by side: a vector of the machine, by an extension that GCC and Clang share. Left
- * to themselves they do not find it in loops this short. */
-typedef float Lanes __attribute__((vector_size(sizeof(float) * CUBE_LANES)));
-
 /* Of an orbit: the class even in all axes, then those even in one axis alone. */
 enum { CLASSES = 4, ROWS = 3 };
-
-static inline Lanes load(const float *from)
-{
-    Lanes lanes;
-    memcpy(&lanes, from, sizeof lanes);
-    return lanes;
-}
 
 static inline void store(float *to, Lanes lanes) { memcpy(to, &lanes, sizeof lanes); }
 
@@ -51,7 +40,7 @@ static void split(const ChiaroCubeKernel *kernel, const float *radiance, Lanes e
         uint32_t x = o, y = turned(o, 1, block), z = turned(o, 2, block);
         Lanes v[8];
         for (uint32_t s = 0; s < 8; s++)
-            v[s] = load(radiance + CUBE_LANES * (size_t)kernel->orbit[o][s]);
+            v[s] = lanes_load(radiance + CUBE_LANES * (size_t)kernel->orbit[o][s]);
         walsh(v);
         even[o][0] = v[0], even[x][1] = v[6], even[y][2] = v[5], even[z][3] = v[3];
         odd[0] += kernel->odd_column[x] * v[1];
@@ -91,7 +80,7 @@ static void join(const ChiaroCubeKernel *kernel, const Lanes even[][CLASSES], co
         walsh(v);
         for (uint32_t s = 0; s < 8; s++) {
             float *texel = irradiance + CUBE_LANES * (size_t)kernel->orbit[o][s];
-            store(texel, add ? load(texel) + v[s] : v[s]);
+            store(texel, add ? lanes_load(texel) + v[s] : v[s]);
         }
     }
 }
@@ -161,11 +150,9 @@ void chiaro_cube_sharpen(const ChiaroCubeKernel *kernel, float *texels)
     for (uint32_t t = 0; t < kernel->texel_count; t++) {
         uint32_t face = t / (kernel->edge * kernel->edge), i = t % kernel->edge, j = t / kernel->edge % kernel->edge;
         const uint16_t *rim = kernel->rim + ((size_t)face * row + j + 1) * row + i + 1;
-        const float *left = before + CUBE_LANES * rim[-1], *right = before + CUBE_LANES * rim[1];
-        const float *above = before + CUBE_LANES * *(rim - row), *below = before + CUBE_LANES * rim[row];
-        for (uint32_t c = 0; c < CUBE_LANES; c++) {
-            float bend = left[c] + right[c] + above[c] + below[c] - 4 * before[CUBE_LANES * t + c];
-            texels[CUBE_LANES * t + c] -= bend / 8;
-        }
+        Lanes own = lanes_load(before + CUBE_LANES * t);
+        Lanes across = lanes_load(before + CUBE_LANES * rim[-1]) + lanes_load(before + CUBE_LANES * rim[1]);
+        Lanes along = lanes_load(before + CUBE_LANES * *(rim - row)) + lanes_load(before + CUBE_LANES * rim[row]);
+        store(texels + CUBE_LANES * t, own - (across + along - 4 * own) / 8);
     }
 }

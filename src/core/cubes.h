@@ -13,6 +13,7 @@
 
 #include "chiaro/chiaro_objects.h"
 #include "cube.h"
+#include "lanes.h"
 
 enum {
     CUBE_HALF = CHIARO_CUBE_MAX_EDGE / 2,
@@ -26,7 +27,6 @@ struct ChiaroCubeKernel {
     uint32_t edge, texel_count, orbit_count;
     ChiaroCubeMethod method;
     ChiaroAllocator allocator;
-    float axes[6][2][3];                         /* directions of x and y on each face, from cube.h */
     uint16_t rim[6 * CUBE_RIM * CUBE_RIM];       /* [face][1 + row][1 + column]; CUBE_NO_TEXEL at corners of the cube */
     uint16_t orbit[CUBE_ORBITS][8];              /* texels; bit a of the second index: negative along axis a */
     uint16_t place[CHIARO_CUBE_MAX_TEXELS];      /* 8 * orbit + octant of a texel */
@@ -43,23 +43,37 @@ typedef struct ChiaroCubeTaps {
     float weight[4];
 } ChiaroCubeTaps;
 
-/* Where a direction lies between texels. The zero vector is somewhere. */
-static inline ChiaroCubeTaps chiaro_cube_taps(const ChiaroCubeKernel *kernel, Vec3 d)
+/* Faces that directions lie on, four at a time, and where on their rims: counted from the centre of the first texel. The
+ * zero vector is somewhere. */
+typedef struct ChiaroCubePlaces {
+    LaneMask along_x, along_y, below;
+    Lanes u, v;
+} ChiaroCubePlaces;
+
+static inline ChiaroCubePlaces chiaro_cube_places(const ChiaroCubeKernel *kernel, const Lanes d[3])
 {
-    float ax = fabsf(d.x), ay = fabsf(d.y), az = fabsf(d.z), edge = (float)kernel->edge, major;
-    uint32_t face;
-    if (ax >= ay && ax >= az)
-        face = d.x > 0 ? 0 : 1, major = ax;
-    else if (ay >= az)
-        face = d.y > 0 ? 2 : 3, major = ay;
-    else
-        face = d.z > 0 ? 4 : 5, major = az;
-    float scale = edge / (2 * major), middle = edge / 2 + 0.5f;
-    /* Counted from the centre of the rim's first texel. The zero vector divides to NaN. */
-    float x = chiaro_clamp(middle + scale * vec3_dot(vec3_load(kernel->axes[face][0]), d), 0, edge + 0.5f);
-    float y = chiaro_clamp(middle + scale * vec3_dot(vec3_load(kernel->axes[face][1]), d), 0, edge + 0.5f);
-    uint32_t i = (uint32_t)x, j = (uint32_t)y, row = kernel->edge + 2;
-    float s = x - (float)i, t = y - (float)j;
+    Lanes zero = lanes_of(0), x = lanes_max(d[0], -d[0]), y = lanes_max(d[1], -d[1]), z = lanes_max(d[2], -d[2]);
+    ChiaroCubePlaces places = {.along_x = (x >= y) & (x >= z), .along_y = y >= z};
+    Lanes major = lanes_choose(places.along_x, d[0], lanes_choose(places.along_y, d[1], d[2]));
+    places.below = ~(major > zero);
+    Lanes side = lanes_choose(places.below, lanes_of(-1), lanes_of(1)), edge = lanes_of((float)kernel->edge);
+    /* As chiaro_cube_direction() has them. */
+    Lanes u = lanes_choose(places.along_x, -d[2] * side, lanes_choose(places.along_y, d[0], d[0] * side));
+    Lanes v = lanes_choose(places.along_x, -d[1], lanes_choose(places.along_y, d[2] * side, -d[1]));
+    /* The zero vector divides to NaN. */
+    Lanes scale = edge / (2 * major * side), middle = edge / 2 + 0.5f, most = edge + 0.5f;
+    places.u = lanes_min(lanes_max(middle + scale * u, zero), most);
+    places.v = lanes_min(lanes_max(middle + scale * v, zero), most);
+    return places;
+}
+
+/* Between which texels one of them lies. */
+static inline ChiaroCubeTaps chiaro_cube_place_taps(const ChiaroCubeKernel *kernel, const ChiaroCubePlaces *places,
+                                                    uint32_t lane)
+{
+    uint32_t axis = places->along_x[lane] ? 0 : places->along_y[lane] ? 1 : 2, face = 2 * axis + (places->below[lane] & 1);
+    uint32_t i = (uint32_t)places->u[lane], j = (uint32_t)places->v[lane], row = kernel->edge + 2;
+    float s = places->u[lane] - (float)i, t = places->v[lane] - (float)j;
     const uint16_t *rim = kernel->rim + ((size_t)face * row + j) * row + i;
     ChiaroCubeTaps taps = {{rim[0], rim[1], rim[row], rim[row + 1]},
                            {(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t}};
@@ -75,6 +89,22 @@ static inline ChiaroCubeTaps chiaro_cube_taps(const ChiaroCubeKernel *kernel, Ve
         break;
     }
     return taps;
+}
+
+static inline ChiaroCubeTaps chiaro_cube_taps(const ChiaroCubeKernel *kernel, Vec3 d)
+{
+    const Lanes four[3] = {lanes_of(d.x), lanes_of(d.y), lanes_of(d.z)};
+    ChiaroCubePlaces places = chiaro_cube_places(kernel, four);
+    return chiaro_cube_place_taps(kernel, &places, 0);
+}
+
+/* Numbers of texels, four each, as a look-up between them has it. */
+static inline Lanes chiaro_cube_mix(const ChiaroCubeTaps *taps, const float *texels)
+{
+    Lanes sum = lanes_of(0);
+    for (uint32_t k = 0; k < 4; k++)
+        sum += taps->weight[k] * lanes_load(texels + 4 * (size_t)taps->texel[k]);
+    return sum;
 }
 
 /* How a background changes within a texel: by slope[channel] . (direction - mean), in the least-squares sense. */

@@ -220,6 +220,16 @@ void chiaro_primitive_light(const ChiaroPrimitive *node, const ChiaroLight *ligh
  * What elements give off
  */
 
+/* An element counts for the three axes on whose side it faces. */
+static void add_element(const ChiaroElement *element, const float radiosity[3], float axes[18])
+{
+    Vec3 given = vec3_scale(vec3_load(radiosity), element->area / CHIARO_PI);
+    for (uint32_t c = 0; c < 3; c++) {
+        float cosine = element->normal[c], *axis = axes + 3 * (2 * c + (cosine < 0));
+        vec3_store(axis, vec3_mad(vec3_load(axis), given, fabsf(cosine)));
+    }
+}
+
 void chiaro_primitives_sum(const ChiaroPrimitives *primitives, const ChiaroElement *elements, const float *radiosity,
                            float *axes)
 {
@@ -234,12 +244,16 @@ void chiaro_primitives_sum(const ChiaroPrimitives *primitives, const ChiaroEleme
             continue;
         }
         uint32_t e = primitives->elements[node->first];
-        Vec3 given = vec3_scale(vec3_load(radiosity + 3 * (size_t)e), elements[e].area / CHIARO_PI);
-        float cosines[6];
-        axis_cosines(vec3_load(elements[e].normal), cosines);
-        for (uint32_t i = 0; i < 6; i++)
-            vec3_store(sum + 3 * i, vec3_scale(given, cosines[i]));
+        memset(sum, 0, 18 * sizeof *sum);
+        add_element(&elements[e], radiosity + 3 * (size_t)e, sum);
     }
+}
+
+void chiaro_primitives_sum_all(const ChiaroElement *elements, uint32_t count, const float *radiosity, float axes[18])
+{
+    memset(axes, 0, 18 * sizeof *axes);
+    for (uint32_t e = 0; e < count; e++)
+        add_element(&elements[e], radiosity + 3 * (size_t)e, axes);
 }
 
 void chiaro_primitive_radiate(const ChiaroPrimitive *node, const float axes[18], const float toward_viewer[3],

@@ -27,6 +27,9 @@ static inline float chiaro_cone_facing(float x, float sine)
     return x >= sine ? fmaxf(0, x) : x > -sine ? (x + sine) * (x + sine) / (4 * sine) : 0;
 }
 
+/* What chiaro_primitives_sum() has for the root, and for nothing else. */
+void chiaro_primitives_sum_all(const ChiaroElement *elements, uint32_t count, const float *radiosity, float axes[18]);
+
 /* Finite, of unit normal, with an albedo in range. */
 bool chiaro_element_sound(const ChiaroElement *element);
 

@@ -343,8 +343,9 @@ ChiaroResult chiaro_object_add(ChiaroWorld *world, const ChiaroObject *object, c
         return CHIARO_ERROR_MEMORY;
     }
     Body *body = &world->bodies[n];
-    *body = (Body){.object = *object, .used = true, .ball = chiaro_object_is_ball(object), .now = pose, .pose = pose,
-                   .first_slot = slot, .first_element = element};
+    *body = (Body){.object = *object, .used = true, .ball = chiaro_object_is_ball(object),
+                   .skin = chiaro_world_skin(world, object), .now = pose, .pose = pose, .first_slot = slot,
+                   .first_element = element};
     memcpy(body->transform, transform, sizeof body->transform);
     for (uint32_t e = 0; e < object->element_count; e++)
         body->shines = body->shines || vec3_max(vec3_load(object->element_more[e].emission)) > 0;

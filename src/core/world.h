@@ -16,6 +16,7 @@
 #include "chiaro/chiaro_kernel.h"
 #include "chiaro/chiaro_world.h"
 #include "cubes.h"
+#include "lanes.h"
 
 /* A piece of the drawn static mesh. */
 typedef struct Tile {
@@ -43,6 +44,7 @@ typedef struct Body {
     bool painted; /* in this round */
     bool shines;  /* by itself */
     bool ball;    /* chiaro_object_is_ball() */
+    float skin;   /* chiaro_world_skin() */
     float transform[16];
     Pose now, pose; /* as it was told last; as it is in this round */
     uint32_t first_slot, first_element; /* its nodes begin at 2 * first_element */
@@ -107,15 +109,20 @@ typedef struct NearThing {
     bool ball;
 } NearThing;
 
-/* All of it. Number by number, so that four go at a time; there is room for three more that are not seen. */
+/* All of it. Plates number by number, so that four go at a time; there is room for three more that are not seen. */
 enum { NEAR_X, NEAR_Y, NEAR_Z, NEAR_NX, NEAR_NY, NEAR_NZ, NEAR_AREA, NEAR_HALF, NEAR_VISIBLE, NEAR_RED, NEAR_GREEN,
        NEAR_BLUE, NEAR_NUMBERS };
 enum { BALL_X, BALL_Y, BALL_Z, BALL_RADIUS, BALL_VISIBLE, BALL_RED, BALL_GREEN, BALL_BLUE, BALL_NUMBERS };
 typedef struct Near {
     float plates[NEAR_NUMBERS][WORLD_MAX_NEAR + 4];
-    float balls[BALL_NUMBERS][WORLD_MAX_BALLS + 4];
+    float balls[WORLD_MAX_BALLS][BALL_NUMBERS];
     uint32_t plate_count, ball_count;
 } Near;
+
+/* Places of a hull and their normals, up to four. */
+typedef struct NearReceivers {
+    Lanes point[3], normal[3];
+} NearReceivers;
 
 struct ChiaroWorld {
     ChiaroWorldDesc desc; /* resolved */
@@ -226,14 +233,16 @@ uint32_t chiaro_world_steps(const ChiaroWorld *world);
 /* Repaints all cubes of a body and lights its elements, from `last` into `next`, in so many steps a call. True: all is
  * done. A body that was begun is ended before the next one, unless it goes. */
 bool chiaro_world_paint(ChiaroWorld *world, uint32_t id, uint32_t steps);
-/* The same for a cube at any place; texels as in Shine. */
+/* The radius of a hull that is a sphere, whichever way it is turned; 0: it is none. */
+float chiaro_world_skin(const ChiaroWorld *world, const ChiaroObject *object);
+/* chiaro_world_paint() for a cube at any place; texels as in Shine. */
 void chiaro_world_paint_at(ChiaroWorld *world, Vec3 center, float radius, float *texels);
 Vec3 chiaro_world_direct(const ChiaroWorld *world, Vec3 point, Vec3 normal);
 
 /* --- world_near.c --- */
 void chiaro_near_add(Near *near, const NearThing *thing);
-/* What comes from near things to a place of the hull: irradiance / pi, and how much of the hemisphere they take. */
-void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4]);
+/* What comes from near things to so many places of the hull: irradiance / pi, and how much of the hemisphere they take. */
+void chiaro_near_sum(Near *near, const NearReceivers *receivers, uint32_t count, float light[][4]);
 
 /* --- world_blockers.c --- */
 /* All blockers of an object, at most CHIARO_MAX_OBJECT_BLOCKERS. Returns their number. */

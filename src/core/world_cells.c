@@ -434,22 +434,19 @@ typedef struct Receiver {
     bool far;
 } Receiver;
 
-/* Irradiance / pi. The round asks cubes of the round before; the host, those that it was given. */
-static Vec3 ask_cube(const ChiaroWorld *world, const BlockerGrid *grid, uint32_t slot, Vec3 way)
+/* Irradiance / pi of a cube. The round asks cubes of the round before; the host, those that it was given. */
+static Lanes ask_cube(const Receiver *at, uint32_t slot, const ChiaroCubeTaps *taps)
 {
-    ChiaroCubeTaps taps = chiaro_cube_taps(world->kernel, way);
+    const ChiaroWorld *world = at->world;
+    if (at->grid != &world->shown)
+        return chiaro_cube_mix(taps, world->last.texels + 4 * (size_t)slot * world->texel_count);
     ChiaroCubeFormat format = (ChiaroCubeFormat)world->desc.format;
-    Vec3 sum = {0, 0, 0};
+    const uint8_t *encoded = world->encoded + slot * world->encoded_bytes;
+    Lanes sum = lanes_of(0);
     for (uint32_t k = 0; k < 4; k++) {
-        const float *texel = world->last.texels + 4 * ((size_t)slot * world->texel_count + taps.texel[k]);
-        const uint8_t *encoded = world->encoded + slot * world->encoded_bytes;
         float shown[4];
-        if (grid == &world->shown) {
-            encoded += taps.texel[k] * chiaro_cube_format_size(format);
-            chiaro_cube_decode(format, encoded, 1, world->scales[slot], shown);
-            texel = shown;
-        }
-        sum = vec3_mad(sum, vec3_load(texel), taps.weight[k]);
+        chiaro_cube_decode(format, encoded + taps->texel[k] * chiaro_cube_format_size(format), 1, world->scales[slot], shown);
+        sum += taps->weight[k] * lanes_load(shown);
     }
     return sum;
 }
@@ -459,10 +456,13 @@ static void add_behind(const Receiver *at, const ChiaroWorldBlocker *blocker, Ve
     behind->forms += form;
     if (blocker->cube == CHIARO_NONE || !(form > 0))
         return;
-    Vec3 front = ask_cube(at->world, at->grid, blocker->cube, way);
-    Vec3 back = ask_cube(at->world, at->grid, blocker->cube, vec3_scale(way, -1));
-    Vec3 seen = vec3_positive(vec3_mad(front, vec3_sub(front, back), CHIARO_BEHIND));
-    behind->light = vec3_mad(behind->light, seen, CHIARO_PI * form);
+    const Lanes ways[3] = {{way.x, -way.x}, {way.y, -way.y}, {way.z, -way.z}};
+    const ChiaroCubeKernel *kernel = at->world->kernel;
+    ChiaroCubePlaces places = chiaro_cube_places(kernel, ways);
+    ChiaroCubeTaps front = chiaro_cube_place_taps(kernel, &places, 0), back = chiaro_cube_place_taps(kernel, &places, 1);
+    Lanes there = ask_cube(at, blocker->cube, &front), here = ask_cube(at, blocker->cube, &back);
+    Lanes seen = lanes_max(there + CHIARO_BEHIND * (there - here), lanes_of(0));
+    behind->light = vec3_mad(behind->light, vec3(seen[0], seen[1], seen[2]), CHIARO_PI * form);
     behind->known += form;
 }
 

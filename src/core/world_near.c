@@ -1,5 +1,5 @@
 /* Near neighbours are seen from the skin, not from the centre: for each normal, near things give what their form factor
- * from the hull says, four at a time.
+ * from the hull says, in fours.
  *
  * A plate is small for its distance: cos cos' A / (pi d^2 + A (3 cos cos' - 2)), which is the form of a disc to first order
  * where the two are parallel, and exact on its axis. Many of them that tile a plane have the plane's own form. Off the
@@ -16,7 +16,7 @@ void chiaro_near_add(Near *near, const NearThing *thing)
                                           sqrtf(thing->area / CHIARO_PI), thing->visible, thing->radiance.x,
                                           thing->radiance.y, thing->radiance.z};
         for (uint32_t k = 0; k < BALL_NUMBERS && near->ball_count < WORLD_MAX_BALLS; k++)
-            near->balls[k][near->ball_count] = ball[k];
+            near->balls[near->ball_count][k] = ball[k];
         near->ball_count += near->ball_count < WORLD_MAX_BALLS;
         return;
     }
@@ -52,52 +52,60 @@ static bool plate_forms(const Near *near, uint32_t i, Vec3 point, Vec3 normal, L
     return true;
 }
 
-/* The same of four balls. */
-static bool ball_forms(const Near *near, uint32_t i, Vec3 point, Vec3 normal, Lanes *forms)
-{
-    Lanes x = lanes_load(near->balls[BALL_X] + i) - point.x, y = lanes_load(near->balls[BALL_Y] + i) - point.y;
-    Lanes z = lanes_load(near->balls[BALL_Z] + i) - point.z, radius = lanes_load(near->balls[BALL_RADIUS] + i);
-    Lanes height = x * normal.x + y * normal.y + z * normal.z;
-    if (!lanes_any(height > -radius))
-        return false;
-    *forms = lanes_ball_forms(lanes_sqrt(x * x + y * y + z * z), height, radius);
-    return true;
-}
-
-/* Light of four things, their forms cut down to what is seen of them: `visible`, then their colours. */
+/* Light of things in four lanes, their forms cut down to what is seen of them; then the forms. */
 typedef struct NearSum {
     Lanes color[3], forms;
 } NearSum;
 
-static void add_forms(NearSum *sum, Lanes forms, const float *visible, const float *red, const float *green,
-                      const float *blue)
+static void add_forms(NearSum *sum, Lanes forms, Lanes visible, Lanes red, Lanes green, Lanes blue)
 {
-    forms *= lanes_load(visible);
-    sum->color[0] += forms * lanes_load(red);
-    sum->color[1] += forms * lanes_load(green);
-    sum->color[2] += forms * lanes_load(blue);
+    forms *= visible;
+    sum->color[0] += forms * red;
+    sum->color[1] += forms * green;
+    sum->color[2] += forms * blue;
     sum->forms += forms;
 }
 
-void chiaro_near_sum(Near *near, Vec3 point, Vec3 normal, float light[4])
+/* Plates are many: four of them at a time, for one receiver. */
+static NearSum sum_plates(const Near *near, Vec3 point, Vec3 normal)
 {
     NearSum sum = {{lanes_of(0), lanes_of(0), lanes_of(0)}, lanes_of(0)};
     Lanes forms;
-    for (uint32_t k = 0; k < LANES - 1; k++) {
-        near->plates[NEAR_VISIBLE][near->plate_count + k] = 0;
-        near->balls[BALL_VISIBLE][near->ball_count + k] = 0;
-    }
     for (uint32_t i = 0; i < near->plate_count; i += LANES) {
         if (plate_forms(near, i, point, normal, &forms))
-            add_forms(&sum, forms, near->plates[NEAR_VISIBLE] + i, near->plates[NEAR_RED] + i,
-                      near->plates[NEAR_GREEN] + i, near->plates[NEAR_BLUE] + i);
+            add_forms(&sum, forms, lanes_load(near->plates[NEAR_VISIBLE] + i), lanes_load(near->plates[NEAR_RED] + i),
+                      lanes_load(near->plates[NEAR_GREEN] + i), lanes_load(near->plates[NEAR_BLUE] + i));
     }
-    for (uint32_t i = 0; i < near->ball_count; i += LANES) {
-        if (ball_forms(near, i, point, normal, &forms))
-            add_forms(&sum, forms, near->balls[BALL_VISIBLE] + i, near->balls[BALL_RED] + i,
-                      near->balls[BALL_GREEN] + i, near->balls[BALL_BLUE] + i);
+    return sum;
+}
+
+/* Balls are few: one at a time, for four receivers. */
+static NearSum sum_balls(const Near *near, const NearReceivers *at)
+{
+    NearSum sum = {{lanes_of(0), lanes_of(0), lanes_of(0)}, lanes_of(0)};
+    for (uint32_t i = 0; i < near->ball_count; i++) {
+        const float *ball = near->balls[i];
+        Lanes x = ball[BALL_X] - at->point[0], y = ball[BALL_Y] - at->point[1], z = ball[BALL_Z] - at->point[2];
+        Lanes height = x * at->normal[0] + y * at->normal[1] + z * at->normal[2], radius = lanes_of(ball[BALL_RADIUS]);
+        if (!lanes_any(height > -radius))
+            continue;
+        add_forms(&sum, lanes_ball_forms(lanes_sqrt(x * x + y * y + z * z), height, radius), lanes_of(ball[BALL_VISIBLE]),
+                  lanes_of(ball[BALL_RED]), lanes_of(ball[BALL_GREEN]), lanes_of(ball[BALL_BLUE]));
     }
-    for (uint32_t c = 0; c < 3; c++)
-        light[c] = lanes_sum(sum.color[c]);
-    light[3] = lanes_sum(sum.forms);
+    return sum;
+}
+
+void chiaro_near_sum(Near *near, const NearReceivers *receivers, uint32_t count, float light[][4])
+{
+    for (uint32_t k = 0; k < LANES - 1; k++)
+        near->plates[NEAR_VISIBLE][near->plate_count + k] = 0;
+    NearSum balls = sum_balls(near, receivers);
+    for (uint32_t r = 0; r < count; r++) {
+        Vec3 point = vec3(receivers->point[0][r], receivers->point[1][r], receivers->point[2][r]);
+        Vec3 normal = vec3(receivers->normal[0][r], receivers->normal[1][r], receivers->normal[2][r]);
+        NearSum sum = sum_plates(near, point, normal);
+        for (uint32_t c = 0; c < 3; c++)
+            light[r][c] = lanes_sum(sum.color[c]) + balls.color[c][r];
+        light[r][3] = lanes_sum(sum.forms) + balls.forms[r];
+    }
 }

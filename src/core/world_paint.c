@@ -10,6 +10,7 @@
  */
 #include "lanes.h"
 #include "object.h"
+#include "primitives.h"
 #include "world.h"
 
 #include <stdlib.h>
@@ -35,6 +36,8 @@ static const float NEAR_LAMP = 24;
 static const float MOST_RAISED = 1.08f;
 /* Twenty-four where a piece is curved as a ball is. */
 static const float FACE_BEND = 24;
+/* A hull is a sphere where no place of it is further off, in radii. */
+static const float ROUND_SKIN = 0.04f;
 /* Rows that see next to nothing are left as they are. */
 static const float LEAST_WEIGHT = 0.01f;
 /* Things less visible are left out of the near sum. */
@@ -60,7 +63,7 @@ typedef struct Canvas {
     float near_share[CHIARO_CUBE_MAX_TEXELS];     /* of it, near */
     float radiance[4 * CHIARO_CUBE_MAX_TEXELS];
     Near near_things;
-    float near_light[4 * CHIARO_CUBE_MAX_TEXELS]; /* theirs, by normals */
+    float near_light[CHIARO_CUBE_MAX_TEXELS][4]; /* theirs, by normals */
 } Canvas;
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -383,29 +386,35 @@ static void paint_blocks(Canvas *canvas, uint32_t first)
  */
 
 /* What static surfaces leave of a texel's sky: not only how much they cover counts, but which side of it. */
-static float open_sky(const Canvas *canvas, uint32_t t, float cover, uint32_t channel)
+static Lanes open_sky(const Canvas *canvas, uint32_t t, float cover)
 {
     const ChiaroCubeSlope *slope = &canvas->world->sky_slopes[t];
-    float sky = canvas->world->sky[4 * t + channel];
-    Vec3 lost = vec3_mad(canvas->covered[t], vec3_load(slope->mean), -cover);
-    return fmaxf(0, fminf(sky, sky * (1 - cover) - vec3_dot(vec3_load(slope->slope[channel]), lost)));
+    Lanes sky = lanes_load(canvas->world->sky + 4 * t), lost = lanes_of(0);
+    Vec3 way = vec3_mad(canvas->covered[t], vec3_load(slope->mean), -cover);
+    for (uint32_t c = 0; c < 3; c++)
+        lost[c] = vec3_dot(vec3_load(slope->slope[c]), way);
+    return lanes_max(lanes_of(0), lanes_min(sky, sky * (1 - cover) - lost));
 }
 
 /* Static surfaces, neighbours and sky become one picture; its fourth number is what of it is far. */
 static void resolve(Canvas *canvas)
 {
     const ChiaroWorld *world = canvas->world;
+    bool statics = world->tile_count > 0;
     for (uint32_t t = 0; t < world->texel_count; t++) {
-        float cover = chiaro_clamp(canvas->full[t], 0, 1), near = canvas->near[t].coverage, far = canvas->far[t].coverage;
-        float near_seen = near * (1 - chiaro_clamp(canvas->before_near[t], 0, 1));
-        float far_open = (1 - near) * (1 - chiaro_clamp(canvas->before_far[t], 0, 1)), sky = (1 - near) * (1 - far);
-        for (uint32_t c = 0; c < 3; c++) {
-            float *radiance = &canvas->radiance[4 * t + c];
-            *radiance += far_open * canvas->far[t].radiance[c];
-            if (cover < 1)
-                *radiance += sky * (cover > 0 ? open_sky(canvas, t, cover, c) : world->sky[4 * t + c]);
+        float near = canvas->near[t].coverage, far = canvas->far[t].coverage, cover = 0, near_share = 0;
+        float near_seen = near, far_open = 1 - near, *out = canvas->radiance + 4 * t;
+        Lanes sky = lanes_load(world->sky + 4 * t), radiance = lanes_of(0);
+        if (statics) {
+            cover = chiaro_clamp(canvas->full[t], 0, 1), near_share = canvas->near_share[t];
+            near_seen *= 1 - chiaro_clamp(canvas->before_near[t], 0, 1);
+            far_open *= 1 - chiaro_clamp(canvas->before_far[t], 0, 1);
+            radiance = lanes_load(out);
+            sky = cover < 1 ? cover > 0 ? open_sky(canvas, t, cover) : sky : lanes_of(0);
         }
-        canvas->radiance[4 * t + 3] = 1 - canvas->near_share[t] - near_seen;
+        radiance += far_open * lanes_load(canvas->far[t].radiance) + (1 - near) * (1 - far) * sky;
+        radiance[3] = 1 - near_share - near_seen;
+        memcpy(out, &radiance, sizeof radiance);
     }
 }
 
@@ -423,29 +432,81 @@ static Lanes fill_row(const float texel[4], const float near[4])
 
 static bool has_near(const Canvas *canvas) { return canvas->near_things.plate_count || canvas->near_things.ball_count; }
 
-/* A place of the hull, by a normal in the object's own space: from the middle of the part. */
-static Vec3 hull_place(const Canvas *canvas, const float normal[3])
+static void set_receiver(NearReceivers *receivers, uint32_t lane, Vec3 point, Vec3 normal)
+{
+    float p[3], n[3];
+    vec3_store(p, point);
+    vec3_store(n, normal);
+    for (uint32_t c = 0; c < 3; c++)
+        receivers->point[c][lane] = p[c], receivers->normal[c][lane] = n[c];
+}
+
+/* The hull's cube: places from the middle of the part, in the object's own space. NULL: it is not known. */
+static const float *hull_of(const ChiaroWorld *world, const ChiaroObject *object, uint32_t part)
+{
+    uint32_t edge = world->desc.edge, row = edge == 4 ? 0 : edge == 6 ? 96 : 96 + 216;
+    return object->hull ? object->hull + 4 * (size_t)(row + part * CHIARO_HULL_TEXELS) : NULL;
+}
+
+float chiaro_world_skin(const ChiaroWorld *world, const ChiaroObject *object)
+{
+    const float *hull = hull_of(world, object, 0);
+    float sum = 0;
+    if (!hull || object->part_count > 1)
+        return 0;
+    for (uint32_t t = 0; t < world->texel_count; t++)
+        sum += vec3_length(vec3_load(hull + 4 * t));
+    float radius = sum / (float)world->texel_count;
+    for (uint32_t t = 0; t < world->texel_count; t++) {
+        Vec3 off = vec3_mad(vec3_load(hull + 4 * t), vec3_load(world->kernel->centre[t]), -radius);
+        if (!(vec3_length(off) <= ROUND_SKIN * radius))
+            return 0;
+    }
+    return radius;
+}
+
+/* Places of the hull, by normals. */
+static void place_receivers(const Canvas *canvas, uint32_t first, NearReceivers *receivers)
 {
     const ChiaroWorld *world = canvas->world;
-    uint32_t edge = world->desc.edge, row = edge == 4 ? 0 : edge == 6 ? 96 : 96 + 216;
-    const float *hull = canvas->body->object.hull;
-    float place[4] = {0};
-    row += canvas->part * CHIARO_HULL_TEXELS;
-    if (hull)
-        chiaro_cube_look_up(world->kernel, hull + 4 * (size_t)row, normal, place);
-    return vec3_scale(pose_turn(&canvas->body->pose, vec3_load(place)), canvas->body->pose.scale);
+    const Body *body = canvas->body;
+    const float *hull = hull_of(world, &body->object, canvas->part);
+    Lanes way[3];
+    for (uint32_t lane = 0; lane < LANES; lane++)
+        set_receiver(receivers, lane, canvas->center, vec3_load(world->kernel->centre[first + lane]));
+    if (!hull)
+        return;
+    if (body->skin > 0) {
+        for (uint32_t c = 0; c < 3; c++)
+            receivers->point[c] += body->pose.scale * body->skin * receivers->normal[c];
+        return;
+    }
+    for (uint32_t c = 0; c < 3; c++) {
+        Vec3 axis = body->pose.axis[c];
+        way[c] = receivers->normal[0] * axis.x + receivers->normal[1] * axis.y + receivers->normal[2] * axis.z;
+    }
+    ChiaroCubePlaces places = chiaro_cube_places(world->kernel, way);
+    for (uint32_t lane = 0; lane < LANES; lane++) {
+        ChiaroCubeTaps taps = chiaro_cube_place_taps(world->kernel, &places, lane);
+        Lanes place = chiaro_cube_mix(&taps, hull);
+        for (uint32_t c = 0; c < 3; c++)
+            way[c][lane] = body->pose.scale * place[c];
+    }
+    for (uint32_t c = 0; c < 3; c++) {
+        Vec3 axis = body->pose.axis[c];
+        receivers->point[0] += way[c] * axis.x, receivers->point[1] += way[c] * axis.y;
+        receivers->point[2] += way[c] * axis.z;
+    }
 }
 
 /* What is near, as each normal's own place on the hull sees it. */
 static void sum_near(Canvas *canvas, uint32_t first)
 {
     const ChiaroWorld *world = canvas->world;
-    for (uint32_t t = first; has_near(canvas) && t < first + TEXELS_A_STEP && t < world->texel_count; t++) {
-        Vec3 normal = vec3_load(world->kernel->centre[t]);
-        float local[3];
-        vec3_store(local, pose_turn_back(&canvas->body->pose, normal));
-        chiaro_near_sum(&canvas->near_things, vec3_add(canvas->center, hull_place(canvas, local)), normal,
-                        canvas->near_light + 4 * t);
+    for (uint32_t t = first; has_near(canvas) && t < first + TEXELS_A_STEP && t < world->texel_count; t += LANES) {
+        NearReceivers receivers;
+        place_receivers(canvas, t, &receivers);
+        chiaro_near_sum(&canvas->near_things, &receivers, LANES, canvas->near_light + t);
     }
 }
 
@@ -453,7 +514,7 @@ static void sum_near(Canvas *canvas, uint32_t first)
 static void fill_texels(const Canvas *canvas, const float *far, float *texels)
 {
     const ChiaroWorld *world = canvas->world;
-    const float *light = canvas->near_light;
+    const float *light = canvas->near_light[0];
     float sharp[4 * CHIARO_CUBE_MAX_TEXELS];
     memcpy(sharp, light, 4 * world->texel_count * sizeof *light);
     chiaro_cube_sharpen(world->kernel, sharp);
@@ -487,15 +548,17 @@ static void fit_faces(Canvas *canvas, const float *far, float *texels)
     float wrong[4 * CHIARO_CUBE_MAX_TEXELS] = {0}; /* the fourth number is the weight */
     uint32_t stride = 1 + object->element_count / (FACES_A_PART * (object->part_count + 1));
     for (uint32_t e = 0; e < object->element_count; e += stride) {
-        float weight = face_weight(canvas, e), n[3], there[4], now[4], near[4];
+        float weight = face_weight(canvas, e), n[3], there[4], now[4], near[1][4];
         if (object->element_more[e].part != canvas->part || !(weight > 0))
             continue;
         Vec3 normal = pose_turn(pose, vec3_load(object->elements[e].normal));
+        NearReceivers receiver = {0};
+        set_receiver(&receiver, 0, pose_point(pose, vec3_load(object->elements[e].position)), normal);
         vec3_store(n, normal);
-        chiaro_near_sum(&canvas->near_things, pose_point(pose, vec3_load(object->elements[e].position)), normal, near);
+        chiaro_near_sum(&canvas->near_things, &receiver, 1, near);
         chiaro_cube_look_up(kernel, far, n, there);
         chiaro_cube_look_up(kernel, texels, n, now);
-        Lanes missing = fill_row(there, near) - lanes_load(now);
+        Lanes missing = fill_row(there, near[0]) - lanes_load(now);
         missing[3] = 1; /* the weight */
         ChiaroCubeTaps taps = chiaro_cube_taps(kernel, normal);
         for (uint32_t k = 0; k < 4; k++) {
@@ -523,12 +586,15 @@ static void add_near(Canvas *canvas, float *texels)
 /* `id`: of the object that is there; CHIARO_NONE: none. */
 static void begin(Canvas *canvas, uint32_t id)
 {
-    memset(canvas->full, 0, sizeof canvas->full);
-    memset(canvas->covered, 0, sizeof canvas->covered);
-    memset(canvas->before_near, 0, sizeof canvas->before_near);
-    memset(canvas->before_far, 0, sizeof canvas->before_far);
-    memset(canvas->near_share, 0, sizeof canvas->near_share);
-    memset(canvas->radiance, 0, sizeof canvas->radiance);
+    size_t texels = canvas->world->texel_count;
+    if (canvas->world->tile_count) {
+        memset(canvas->full, 0, texels * sizeof *canvas->full);
+        memset(canvas->covered, 0, texels * sizeof *canvas->covered);
+        memset(canvas->before_near, 0, texels * sizeof *canvas->before_near);
+        memset(canvas->before_far, 0, texels * sizeof *canvas->before_far);
+        memset(canvas->near_share, 0, texels * sizeof *canvas->near_share);
+        memset(canvas->radiance, 0, 4 * texels * sizeof *canvas->radiance);
+    }
     canvas->near_things.plate_count = canvas->near_things.ball_count = 0;
     canvas->any_near = canvas->any_far = false;
     paint_neighbours(canvas, id);
@@ -619,8 +685,11 @@ static void light_elements(ChiaroWorld *world, const Body *body)
             light = vec3_add(light, vec3_load(more->emission));
         vec3_store(world->radiosity + 3 * (size_t)e, light);
     }
-    chiaro_primitives_sum(&object->primitives, object->elements, world->radiosity,
-                          world->next.axes + 36 * (size_t)body->first_element);
+    float *axes = world->next.axes + 36 * (size_t)body->first_element;
+    if (chiaro_is_ball(object->primitives.nodes)) /* of which nothing but the root is asked */
+        chiaro_primitives_sum_all(object->elements, object->element_count, world->radiosity, axes);
+    else
+        chiaro_primitives_sum(&object->primitives, object->elements, world->radiosity, axes);
 }
 
 /* The canvas of a part, and the cube that it goes to. */
