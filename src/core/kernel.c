@@ -277,7 +277,7 @@ static uint64_t frames_for(const ChiaroKernel *kernel, uint64_t units, uint32_t 
     uint64_t least = kernel->span_least[spans - 1], frames = span_frames[spans - 1];
     if (least == 0)
         return frames_for(kernel, units, spans - 1);
-    uint64_t rest = spans > 1 ? frames_for(kernel, units % least, spans - 1) : units % least > 0;
+    uint64_t rest = spans > 1 ? frames_for(kernel, units % least, spans - 1) : units % least;
     return units / least * frames + (rest < frames ? rest : frames);
 }
 
