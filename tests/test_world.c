@@ -332,6 +332,33 @@ static void light_in_a_furnace_is_even_wherever_the_object_is(void **state)
     mesh_end(&mesh);
 }
 
+static void what_stands_half_in_a_wall_is_lit_by_its_room(void **state)
+{
+    (void)state;
+    Mesh mesh = mesh_begin();
+    mesh_material(&mesh, 0.5f, 1);
+    mesh_box(&mesh, vec3(0, 0, 0), vec3(5, 3, 4));
+    Lit lit = lit_make(&mesh.scene, NULL, 512);
+    lit_light(&lit, NULL, 0, NULL, NULL);
+    Moving ball = moving_ball(0.4f, 8, 0.5f, 1);
+    const float places[2] = {5.1f, 6}; /* the wall is at 5: the middle is in it; all of it is behind it */
+    for (int k = 0; k < 2; k++) {
+        ChiaroWorld *world = make_world(&lit.transport, 4, 1);
+        lit_world(&lit, world);
+        uint32_t id = add_at(world, &ball, places[k], 1.5f, 2), front = 0;
+        settle(world);
+        for (uint32_t v = 0; v < ball.object.vertex_count; v++)
+            front = ball.scene.vertices[v].normal[0] < ball.scene.vertices[front].normal[0] ? v : front;
+        float irradiance[3];
+        assert_int_equal(chiaro_object_irradiance(world, id, front, irradiance), CHIARO_OK);
+        assert_near("irradiance in a wall", k, irradiance[0], k ? 0 : 2 * pi, 0.08 * 2 * pi);
+        chiaro_world_destroy(world);
+    }
+    moving_free(&ball);
+    lit_free(&lit);
+    mesh_end(&mesh);
+}
+
 /* A rectangle 2a x 2b at distance c from a patch that faces its middle: four times the form of a corner (truths). */
 static double rectangle_form(double a, double b, double c)
 {
@@ -822,6 +849,7 @@ int main(void)
         cmocka_unit_test(a_settled_world_does_nothing_until_something_changes),
         cmocka_unit_test(an_even_sky_lights_every_side_alike),
         cmocka_unit_test(light_in_a_furnace_is_even_wherever_the_object_is),
+        cmocka_unit_test(what_stands_half_in_a_wall_is_lit_by_its_room),
         cmocka_unit_test(a_shining_floor_lights_an_object_by_its_form_factor_from_the_skin),
         cmocka_unit_test(a_ball_in_an_open_front_is_as_dark_there_as_the_opening_is_wide),
         cmocka_unit_test(a_face_in_an_open_front_is_as_dark_as_the_opening_is_wide),

@@ -6,6 +6,7 @@
 
 #include <cmocka.h>
 #include <math.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -128,43 +129,73 @@ static void budgets_of_any_size_end_in_the_same_bits(void **state)
     lit_free(&lit);
 }
 
-/* Jobs as a host might run them: the last first. */
-static void run_backwards(uint32_t count, void (*work)(uint32_t index, void *data), void *data, void *user)
+/* Jobs as a host might run them: the last first, on two threads. */
+typedef struct Jobs {
+    void (*work)(uint32_t index, void *data);
+    void *data;
+    uint32_t count, all;
+} Jobs;
+
+static void *run_odd(void *user)
 {
-    *(uint32_t *)user += count;
-    for (uint32_t i = count; i-- > 0;)
-        work(i, data);
+    const Jobs *jobs = user;
+    for (uint32_t i = 1; i < jobs->count; i += 2)
+        jobs->work(i, jobs->data);
+    return NULL;
 }
 
+static void run_backwards(uint32_t count, void (*work)(uint32_t index, void *data), void *data, void *user)
+{
+    Jobs *jobs = user;
+    pthread_t thread;
+    jobs->work = work, jobs->data = data, jobs->count = count, jobs->all += count;
+    assert_int_equal(pthread_create(&thread, NULL, run_odd, jobs), 0);
+    for (uint32_t i = count; i-- > 0;) {
+        if (i % 2 == 0)
+            work(i, data);
+    }
+    assert_int_equal(pthread_join(thread, NULL), 0);
+}
+
+/* In the open, and in a room. */
 static void jobs_of_the_host_end_in_the_same_bits(void **state)
 {
     (void)state;
-    uint32_t jobs = 0;
-    Flock flocks[2];
-    for (uint32_t k = 0; k < 2; k++) {
-        flocks[k] = gather_flock(200, NULL, 8, 0.2f);
-        if (k) { /* the same world once more, with jobs */
-            ChiaroWorldDesc desc = *chiaro_world_desc(flocks[k].world);
-            desc.jobs = (ChiaroJobs){run_backwards, &jobs};
-            chiaro_world_destroy(flocks[k].world);
-            assert_int_equal(chiaro_world_create(&desc, &flocks[k].world), CHIARO_OK);
-            assert_int_equal(chiaro_world_sky(flocks[k].world, &sky), CHIARO_OK);
-            for (uint32_t i = 0; i < 200; i++) {
-                flocks[k].ids[i] = CHIARO_NONE;
-                place(&flocks[k], i, 0);
+    Lit lit = lit_room();
+    const Lit *rooms[2] = {NULL, &lit};
+    const uint32_t counts[2] = {200, 30};
+    const float edges[2] = {8, 4};
+    for (uint32_t r = 0; r < 2; r++) {
+        Jobs jobs = {.all = 0};
+        Flock flocks[2];
+        for (uint32_t k = 0; k < 2; k++) {
+            flocks[k] = gather_flock(counts[r], rooms[r], edges[r], 0.2f);
+            if (k) { /* the same world once more, with jobs */
+                ChiaroWorldDesc desc = *chiaro_world_desc(flocks[k].world);
+                desc.jobs = (ChiaroJobs){run_backwards, &jobs};
+                chiaro_world_destroy(flocks[k].world);
+                assert_int_equal(chiaro_world_create(&desc, &flocks[k].world), CHIARO_OK);
+                assert_int_equal(chiaro_world_sky(flocks[k].world, &sky), CHIARO_OK);
+                if (rooms[r])
+                    lit_world(rooms[r], flocks[k].world);
+                for (uint32_t i = 0; i < counts[r]; i++) {
+                    flocks[k].ids[i] = CHIARO_NONE;
+                    place(&flocks[k], i, 0);
+                }
             }
+            /* Slices of many objects: a host that gives jobs has time for them. */
+            settle(flocks[k].world, all);
         }
-        /* Slices of many objects: a host that gives jobs has time for them. */
-        settle(flocks[k].world, all);
+        for (uint32_t slot = 0; slot < counts[r]; slot++) {
+            ChiaroWorldCube one, other;
+            assert_true(chiaro_world_cube(flocks[0].world, slot, &one) && chiaro_world_cube(flocks[1].world, slot, &other));
+            assert_memory_equal(one.texels, other.texels, 96 * 4 * sizeof(float));
+        }
+        assert_true(jobs.all > 0);
+        scatter(&flocks[0]);
+        scatter(&flocks[1]);
     }
-    for (uint32_t slot = 0; slot < 200; slot++) {
-        ChiaroWorldCube one, other;
-        assert_true(chiaro_world_cube(flocks[0].world, slot, &one) && chiaro_world_cube(flocks[1].world, slot, &other));
-        assert_memory_equal(one.texels, other.texels, 96 * 4 * sizeof(float));
-    }
-    assert_true(jobs > 0);
-    scatter(&flocks[0]);
-    scatter(&flocks[1]);
+    lit_free(&lit);
 }
 
 static void no_cube_is_older_than_the_stated_bound(void **state)

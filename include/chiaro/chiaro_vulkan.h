@@ -259,7 +259,7 @@ typedef struct ChiaroVulkanObjects {
     ChiaroWorld *world; /**< Where the objects are; with the transport of the loaded scene, or with none. update() calls
                          * chiaro_world_update() and chiaro_world_light(), sky_set() chiaro_world_sky(): in the thread
                          * that uses the context. Must outlive the objects. */
-    ChiaroVisibleFunc visible; /**< Shadow test of light that objects pass on; NULL: no shadow. Called in update(). */
+    ChiaroVisibleFunc visible; /**< Shadow test of light that objects pass on; NULL: no shadow. Called in update(), by the world's jobs too. */
     void *user;                /**< Of `visible`. */
     uint32_t cubes;            /**< Repainted in an update, at most. Default 8. */
     uint32_t reserved;

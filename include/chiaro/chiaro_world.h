@@ -119,7 +119,8 @@ typedef struct ChiaroWorldDesc {
     ChiaroAllocator allocator;        /**< Default malloc and free. */
     ChiaroLog log;
     ChiaroClock clock; /**< For budgets in microseconds. Default: none, and they are no limit. Since version 3. */
-    ChiaroJobs jobs;   /**< Neighbour lists are searched by them. Default: none. Since version 3. */
+    ChiaroJobs jobs;   /**< Neighbour lists are searched by them; cubes are painted by them too in updates without a
+                            budget. Default: none. Since version 3. */
 } ChiaroWorldDesc;
 
 /** Makes a world without objects, dark.
@@ -160,7 +161,7 @@ typedef struct ChiaroWorldLight {
     uint32_t light_count;
     const ChiaroLight *lights; /**< Punctual lights; copied. */
     ChiaroVisibleFunc visible; /**< Shadow test for points of objects and of surfaces near them, called in
-                                    chiaro_world_update(); NULL: no shadow on objects. */
+                                    chiaro_world_update(), by its jobs too; NULL: no shadow on objects. */
     void *user;                /**< Of `visible`. */
     /** Radiosity of the transport's nodes: straight from lights, with emission (what chiaro_samples_light() or the
      * first half of ChiaroVulkanBuffers.values holds), and of all light (the second half). Copied. NULL: black. */

@@ -2,6 +2,7 @@
 #include "moving.h"
 
 #include "../../src/core/lanes.h"
+#include "../../src/offline/parallel.h"
 #include "baked.h"
 #include "picture.h"
 
@@ -153,6 +154,26 @@ static const MovingPose *take_pose(Moving *moving, uint32_t number, double time,
     return pose;
 }
 
+typedef struct Job {
+    void (*work)(uint32_t index, void *data);
+    void *data;
+} Job;
+
+static void run_jobs(uint32_t begin, uint32_t end, uint32_t thread, void *user)
+{
+    const Job *job = user;
+    (void)thread;
+    for (uint32_t i = begin; i < end; i++)
+        job->work(i, job->data);
+}
+
+static void share_work(uint32_t count, void (*work)(uint32_t index, void *data), void *data, void *user)
+{
+    const Moving *moving = user;
+    Job job = {work, data};
+    chiaro_parallel_for(moving->desc.threads, count, 1, run_jobs, &job, NULL, NULL);
+}
+
 static void create_world(const SceneOptions *options, const ChiaroTransport *transport, Moving *moving)
 {
     ChiaroWorldDesc desc = {.struct_size = sizeof desc,
@@ -163,6 +184,8 @@ static void create_world(const SceneOptions *options, const ChiaroTransport *tra
                             .seed = moving->desc.seed,
                             .transport = transport,
                             .clock = moving->desc.clock};
+    if (!desc.clock.now) /* what is timed stays on its thread */
+        desc.jobs = (ChiaroJobs){share_work, moving};
     for (uint32_t i = 0; i < moving->objects.count; i++) {
         desc.cube_capacity += moving->baked[i].part_count;
         desc.element_capacity += moving->baked[i].element_count;

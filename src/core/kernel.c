@@ -247,7 +247,8 @@ uint32_t chiaro_kernel_next(ChiaroKernel *kernel, uint32_t *units)
         return CHIARO_NONE;
     uint32_t item = kernel->heap[0], age = chiaro_kernel_age(kernel, item);
     Due *due = &kernel->items[item];
-    uint32_t slice = due->slice < due->cost ? due->slice : due->cost;
+    bool limited = kernel->budget.units || kernel->budget.microseconds;
+    uint32_t slice = limited && due->slice < due->cost ? due->slice : due->cost;
     if (!affordable(kernel, due, slice, spent)) {
         end_short(kernel, spent);
         return CHIARO_NONE;

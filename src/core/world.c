@@ -177,7 +177,7 @@ void chiaro_world_destroy(ChiaroWorld *world)
                    world->radiosity, world->neighbour_memory, world->neighbour_objects, world->kernel_memory,
                    world->last.texels, world->last.axes, world->next.texels, world->next.axes,
                    world->roots, world->parent, world->stack, world->tiles, world->tile_leaf, world->boxes,
-                   world->rays, world->canvas, world->asked, world->light.lights,
+                   world->rays, world->canvases, world->asked, world->light.lights,
                    world->light.total, world->light.ambient, world->coming.lights, world->coming.total,
                    world->coming.ambient};
     for (uint32_t k = 0; k < 2; k++) {

@@ -99,8 +99,7 @@ typedef struct StaticHit {
     uint32_t tile; /* CHIARO_NONE: the sky */
 } StaticHit;
 
-enum { WORLD_MAX_NEAR = 1024, WORLD_MAX_BALLS = 64, WORLD_TICKS_A_ROUND = 4,
-       WORLD_BLOCK = 16 };
+enum { WORLD_MAX_NEAR = 1024, WORLD_MAX_BALLS = 64, WORLD_TICKS_A_ROUND = 4, WORLD_BLOCK = 16, WORLD_BATCH = 8 };
 
 /* Something near a hull: a plate, or a ball of which so much area is seen. */
 typedef struct NearThing {
@@ -171,9 +170,9 @@ struct ChiaroWorld {
     Vec3 eye, forward;
     BlockerGrid grid, shown;      /* as the round sees it; as the host does */
 
-    struct Canvas *canvas, *asked; /* of the cube that is painted; of one that the host asks for */
+    struct Canvas *canvases, *asked; /* of cubes that are painted, WORLD_BATCH where jobs share them; of one that is asked for */
     uint32_t *stack;
-    float *radiosity; /* of the elements of one object */
+    float *radiosity; /* of elements, while their object is painted */
 };
 
 static inline Vec3 pose_turn(const Pose *pose, Vec3 v)
@@ -222,8 +221,8 @@ bool chiaro_static_tiles(ChiaroWorld *world);
 bool chiaro_static_boxes(ChiaroWorld *world);
 /* The rays of a cube: four by four side by side make a block, two by two a quarter of it. False: out of memory. */
 bool chiaro_static_rays(ChiaroWorld *world);
-/* What each ray of a block meets. */
-void chiaro_static_trace(const ChiaroWorld *world, Vec3 from, uint32_t first, StaticHit hits[WORLD_BLOCK]);
+/* What each ray of a block meets. An object of radius `skin` that stands half in a wall looks out of it. */
+void chiaro_static_trace(const ChiaroWorld *world, Vec3 from, float skin, uint32_t first, StaticHit hits[WORLD_BLOCK]);
 
 /* --- world_paint.c --- */
 /* Room for the cube that is painted, and for one that is asked for meanwhile; false: out of memory. */
@@ -233,6 +232,8 @@ uint32_t chiaro_world_steps(const ChiaroWorld *world);
 /* Repaints all cubes of a body and lights its elements, from `last` into `next`, in so many steps a call. True: all is
  * done. A body that was begun is ended before the next one, unless it goes. */
 bool chiaro_world_paint(ChiaroWorld *world, uint32_t id, uint32_t steps);
+/* The same at once, on one of WORLD_BATCH canvases. */
+void chiaro_world_paint_whole(ChiaroWorld *world, uint32_t canvas, uint32_t id);
 /* The radius of a hull that is a sphere, whichever way it is turned; 0: it is none. */
 float chiaro_world_skin(const ChiaroWorld *world, const ChiaroObject *object);
 /* chiaro_world_paint() for a cube at any place; texels as in Shine. */

@@ -372,7 +372,7 @@ static void paint_blocks(Canvas *canvas, uint32_t first)
     for (uint32_t r = first; r < end && r < world->ray_count; r += WORLD_BLOCK) {
         StaticHit hits[WORLD_BLOCK];
         Piece pieces[WORLD_BLOCK] = {{.area = 0}};
-        chiaro_static_trace(world, canvas->center, r, hits);
+        chiaro_static_trace(world, canvas->center, canvas->radius, r, hits);
         for (uint32_t k = 0; k < WORLD_BLOCK; k++) {
             if (hits[k].tile != CHIARO_NONE)
                 take_ray(canvas, &world->rays[r + k], &hits[k], span, &pieces[k]);
@@ -639,10 +639,11 @@ static void paint_step(Canvas *canvas, uint32_t id, uint32_t step, float *texels
 
 bool chiaro_world_canvases(ChiaroWorld *world)
 {
-    world->canvas = chiaro_world_alloc(world, 1, sizeof *world->canvas);
+    uint32_t count = world->desc.jobs.parallel_for ? WORLD_BATCH : 1;
+    world->canvases = chiaro_world_alloc(world, count, sizeof *world->canvases);
     world->asked = chiaro_world_alloc(world, 1, sizeof *world->asked);
     world->painting = CHIARO_NONE;
-    return world->canvas && world->asked;
+    return world->canvases && world->asked;
 }
 
 /* Light of lamps on a point, each asked whether it is seen. */
@@ -668,6 +669,7 @@ Vec3 chiaro_world_direct(const ChiaroWorld *world, Vec3 point, Vec3 normal)
 static void light_elements(ChiaroWorld *world, const Body *body)
 {
     const ChiaroObject *object = &body->object;
+    float *radiosity = world->radiosity + 3 * (size_t)body->first_element;
     for (uint32_t e = 0; e < object->element_count; e++) {
         const ChiaroElement *element = &object->elements[e];
         const ChiaroObjectElement *more = &object->element_more[e];
@@ -683,44 +685,54 @@ static void light_elements(ChiaroWorld *world, const Body *body)
         light = vec3_mul(light, vec3_load(element->albedo));
         if (!(world->without & CHIARO_WORLD_WITHOUT_EMITTERS))
             light = vec3_add(light, vec3_load(more->emission));
-        vec3_store(world->radiosity + 3 * (size_t)e, light);
+        vec3_store(radiosity + 3 * (size_t)e, light);
     }
     float *axes = world->next.axes + 36 * (size_t)body->first_element;
     if (chiaro_is_ball(object->primitives.nodes)) /* of which nothing but the root is asked */
-        chiaro_primitives_sum_all(object->elements, object->element_count, world->radiosity, axes);
+        chiaro_primitives_sum_all(object->elements, object->element_count, radiosity, axes);
     else
-        chiaro_primitives_sum(&object->primitives, object->elements, world->radiosity, axes);
+        chiaro_primitives_sum(&object->primitives, object->elements, radiosity, axes);
 }
 
-/* The canvas of a part, and the cube that it goes to. */
-static float *begin_part(ChiaroWorld *world, const Body *body, uint32_t part)
+/* Steps [first, end) of all that its cubes take. */
+static void paint_steps(ChiaroWorld *world, Canvas *canvas, uint32_t id, uint32_t first, uint32_t end)
 {
-    const ChiaroObjectPart *from = &body->object.parts[part];
-    Canvas *canvas = world->canvas;
-    canvas->world = world, canvas->body = body, canvas->part = part;
-    canvas->center = pose_point(&body->pose, vec3_load(from->center));
-    canvas->radius = from->radius * body->pose.scale;
-    return world->next.texels + 4 * (size_t)(body->first_slot + part) * world->texel_count;
+    const Body *body = &world->bodies[id];
+    uint32_t a_part = chiaro_world_steps(world);
+    for (uint32_t step = first; step < end; step++) {
+        uint32_t part = step / a_part;
+        const ChiaroObjectPart *from = &body->object.parts[part];
+        float *texels = world->next.texels + 4 * (size_t)(body->first_slot + part) * world->texel_count;
+        canvas->world = world, canvas->body = body, canvas->part = part;
+        canvas->center = pose_point(&body->pose, vec3_load(from->center));
+        canvas->radius = from->radius * body->pose.scale;
+        paint_step(canvas, id, step % a_part, texels);
+        for (uint32_t t = 0; (step + 1) % a_part == 0 && t < world->texel_count; t++)
+            texels[4 * t + 3] = 1;
+    }
 }
 
 bool chiaro_world_paint(ChiaroWorld *world, uint32_t id, uint32_t steps)
 {
     const Body *body = &world->bodies[id];
-    uint32_t a_part = chiaro_world_steps(world), end = a_part * body->object.part_count;
+    uint32_t end = chiaro_world_steps(world) * body->object.part_count;
     if (world->painting != id)
         world->painting = id, world->paint_step = 0;
-    for (; steps > 0 && world->paint_step < end; steps--) {
-        uint32_t step = world->paint_step++;
-        float *texels = begin_part(world, body, step / a_part);
-        paint_step(world->canvas, id, step % a_part, texels);
-        for (uint32_t t = 0; (step + 1) % a_part == 0 && t < world->texel_count; t++)
-            texels[4 * t + 3] = 1;
-    }
+    uint32_t first = world->paint_step, left = end - first;
+    world->paint_step += steps < left ? steps : left;
+    paint_steps(world, world->canvases, id, first, world->paint_step);
     if (world->paint_step < end)
         return false;
     light_elements(world, body);
     world->painting = CHIARO_NONE;
     return true;
+}
+
+void chiaro_world_paint_whole(ChiaroWorld *world, uint32_t canvas, uint32_t id)
+{
+    const Body *body = &world->bodies[id];
+    paint_steps(world, &world->canvases[canvas], id, 0, chiaro_world_steps(world) * body->object.part_count);
+    light_elements(world, body);
 }
 
 /* Seen from the place itself: a point has no skin. */

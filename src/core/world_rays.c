@@ -191,6 +191,7 @@ bool chiaro_static_rays(ChiaroWorld *world)
 /* Four rays from one place. */
 typedef struct Packet {
     Vec3 from;
+    float skin; /* nearer backs are passed */
     Lanes way[3], inverse[3], distance;
     LaneMask tile;
 } Packet;
@@ -213,7 +214,8 @@ static Lanes dot_lanes(const Packet *packet, Vec3 v)
     return packet->way[0] * v.x + packet->way[1] * v.y + packet->way[2] * v.z;
 }
 
-/* From either side: from behind, nothing shines but nothing is seen through. As all rays begin in one place, most of it
+/* From either side: from behind, nothing shines but nothing is seen through; unless it is so near that what sees it comes
+ * out on the other side, and is lit there. As all rays begin in one place, most of it
  * is the same for all (T. Moeller, B. Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997). */
 static void cross_tile(Packet *packet, const Tile *tile, uint32_t number)
 {
@@ -223,8 +225,8 @@ static void cross_tile(Packet *packet, const Tile *tile, uint32_t number)
     Lanes a = dot_lanes(packet, vec3_cross(v, from)) * inverse, b = dot_lanes(packet, vec3_cross(from, u)) * inverse;
     /* Of the two sides of a sheet, the front is nearer. */
     Lanes distance = vec3_dot(from, normal) * inverse * lanes_choose(facing < zero, zero + 1, zero + BACK);
-    LaneMask hit = (a >= zero - SLACK) & (b >= zero - SLACK) & (a + b <= zero + (1 + SLACK)) & (distance > zero) &
-                   (distance < packet->distance);
+    LaneMask hit = (a >= zero - SLACK) & (b >= zero - SLACK) & (a + b <= zero + (1 + SLACK)) & (distance < packet->distance) &
+                   (distance > lanes_choose(facing < zero, zero, zero + packet->skin));
     packet->distance = lanes_choose(hit, distance, packet->distance);
     packet->tile = (packet->tile & ~hit) | (((LaneMask){0} + (int32_t)number) & hit);
 }
@@ -258,10 +260,10 @@ static void trace(const ChiaroWorld *world, Packet *packet)
     }
 }
 
-void chiaro_static_trace(const ChiaroWorld *world, Vec3 from, uint32_t first, StaticHit hits[WORLD_BLOCK])
+void chiaro_static_trace(const ChiaroWorld *world, Vec3 from, float skin, uint32_t first, StaticHit hits[WORLD_BLOCK])
 {
     for (uint32_t r = 0; r < WORLD_BLOCK; r += LANES) {
-        Packet packet = {.from = from, .distance = lanes_of(INFINITY), .tile = (LaneMask){0} - 1};
+        Packet packet = {.from = from, .skin = skin, .distance = lanes_of(INFINITY), .tile = (LaneMask){0} - 1};
         for (uint32_t k = 0; k < LANES; k++) {
             Vec3 way = world->rays[first + r + k].direction;
             packet.way[0][k] = way.x, packet.way[1][k] = way.y, packet.way[2][k] = way.z;

@@ -257,12 +257,10 @@ typedef struct Painted {
     void *user;
 } Painted;
 
-/* A slice of it. Returns the number of slots that are painted now. */
-static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t units, const Painted *painted)
+/* All its cubes are painted. */
+static void end_body(ChiaroWorld *world, uint32_t id, const Painted *painted)
 {
     Body *body = &world->bodies[id];
-    if (!chiaro_world_paint(world, id, world->root_count > 0 ? units / STEP_UNITS : UINT32_MAX))
-        return 0;
     world->unpainted--;
     body->painted = true;
     publish(world, body);
@@ -271,7 +269,39 @@ static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t units, cons
     if (!world->shown_stale)
         world->blockers_stale = world->updates;
     world->shown_stale = true;
-    return body->object.part_count;
+}
+
+/* A slice of it. Returns the number of slots that are painted now. */
+static uint32_t paint_body(ChiaroWorld *world, uint32_t id, uint32_t units, const Painted *painted)
+{
+    if (!chiaro_world_paint(world, id, world->root_count > 0 ? units / STEP_UNITS : UINT32_MAX))
+        return 0;
+    end_body(world, id, painted);
+    return world->bodies[id].object.part_count;
+}
+
+/* Bodies that the host's jobs paint side by side. */
+typedef struct Batch {
+    ChiaroWorld *world;
+    uint32_t ids[WORLD_BATCH], count;
+} Batch;
+
+static void paint_one(uint32_t index, void *data)
+{
+    const Batch *batch = data;
+    chiaro_world_paint_whole(batch->world, index, batch->ids[index]);
+}
+
+static void paint_batch(Batch *batch, const Painted *painted)
+{
+    const ChiaroJobs *jobs = &batch->world->desc.jobs;
+    if (batch->count == 0)
+        return;
+    batch->world->painting = CHIARO_NONE; /* what was begun in slices is among them, or begins again */
+    jobs->parallel_for(batch->count, paint_one, batch, jobs->user);
+    for (uint32_t k = 0; k < batch->count; k++)
+        end_body(batch->world, batch->ids[k], painted);
+    batch->count = 0;
 }
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -303,6 +333,9 @@ static uint32_t work(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, ui
                      const Painted *painted)
 {
     uint32_t count = 0, units, item = CHIARO_NONE;
+    /* Where a frame may end at any moment, one body at a time. */
+    bool together = world->desc.jobs.parallel_for && !budget.units && !budget.microseconds;
+    Batch batch = {.world = world};
     chiaro_kernel_begin(world->kernel_of_rounds, budget, spent);
     if (world->stage == ROUND_NONE) {
         if (world->changed)
@@ -314,13 +347,20 @@ static uint32_t work(ChiaroWorld *world, ChiaroBudget budget, uint32_t spent, ui
     ask_for_shown(world);
     while (count < cubes && count + CHIARO_MAX_OBJECT_PARTS <= capacity &&
            (item = chiaro_kernel_next(world->kernel_of_rounds, &units)) != CHIARO_NONE) {
-        if (item < world->desc.object_capacity)
+        if (item < world->desc.object_capacity && !together) {
             count += paint_body(world, item, units, painted);
-        else if (item == world->desc.object_capacity + TASK_SHOWN)
+        } else if (item < world->desc.object_capacity) {
+            batch.ids[batch.count++] = item;
+            count += world->bodies[item].object.part_count;
+            if (batch.count == WORLD_BATCH)
+                paint_batch(&batch, painted);
+        } else if (item == world->desc.object_capacity + TASK_SHOWN) {
             work_on_shown(world, units);
-        else
+        } else {
             begin_slice(world, units);
+        }
     }
+    paint_batch(&batch, painted);
     if (world->stage == ROUND_PAINT && world->unpainted == 0)
         end_round(world);
     return count;
