@@ -66,9 +66,9 @@ carry() {
 
 # A level of one's own: SCENE=file.glb PLACES='x,y,z/x,y,z ...' (of the object, of the eye) OPTIONS='--light ...'
 if [ -n "${SCENE:-}" ] && [ -n "${PLACES:-}" ]; then
-    name=$(basename "$SCENE")
+    level=$(basename "$SCENE") # `name` is that of a picture
     for object in sphere box; do
-        carry "${name%.*}" "$SCENE" $object $PLACES -- ${OPTIONS:-}
+        carry "${level%.*}" "$SCENE" $object $PLACES -- ${OPTIONS:-}
     done
     exit
 fi

@@ -819,6 +819,30 @@ static void a_box_darkens_the_floor_at_its_foot(void **state)
     moving_free(&box);
 }
 
+/* However its surface was cut. Elements that go around an edge are less than what they cover. */
+static void a_box_is_six_blockers(void **state)
+{
+    (void)state;
+    const float edges[3][3] = {{0.7f, 0.7f, 0.7f}, {1, 2, 0.5f}, {0.3f, 1.5f, 0.4f}};
+    for (uint32_t k = 0; k < 9; k++) {
+        const float *edge = edges[k / 3];
+        Moving box = moving_box(edge[0], edge[1], edge[2], 2 + 2 * (k % 3), 0.5f, 0);
+        ChiaroWorld *world = make_world(NULL, 4, 1);
+        add_at(world, &box, 1, 2, 3);
+        settle(world);
+        ChiaroWorldBlockers blockers;
+        chiaro_world_blockers(world, &blockers);
+        double area = 0, surface = 2 * (double)(edge[0] * edge[1] + edge[1] * edge[2] + edge[2] * edge[0]);
+        for (uint32_t b = 0; b < blockers.blocker_count; b++)
+            area += 4 * (double)(vec3_length(vec3_load(blockers.blockers[b].across)) *
+                                 vec3_length(vec3_load(blockers.blockers[b].along)));
+        assert_int_equal(blockers.blocker_count, 6);
+        assert_near("area of a box's blockers", (int)k, area, surface, 0.07 * surface);
+        chiaro_world_destroy(world);
+        moving_free(&box);
+    }
+}
+
 static void two_balls_in_line_do_not_block_more_than_there_is(void **state)
 {
     (void)state;
@@ -864,6 +888,7 @@ int main(void)
         cmocka_unit_test(a_ball_overhead_blocks_its_form_factor),
         cmocka_unit_test(a_ball_takes_away_the_light_behind_it),
         cmocka_unit_test(a_box_darkens_the_floor_at_its_foot),
+        cmocka_unit_test(a_box_is_six_blockers),
         cmocka_unit_test(two_balls_in_line_do_not_block_more_than_there_is),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

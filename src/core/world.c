@@ -347,6 +347,7 @@ ChiaroResult chiaro_object_add(ChiaroWorld *world, const ChiaroObject *object, c
                    .skin = chiaro_world_skin(world, object), .now = pose, .pose = pose, .first_slot = slot,
                    .first_element = element};
     memcpy(body->transform, transform, sizeof body->transform);
+    chiaro_blockers_choose(object, &body->pieces);
     for (uint32_t e = 0; e < object->element_count; e++)
         body->shines = body->shines || vec3_max(vec3_load(object->element_more[e].emission)) > 0;
     for (uint32_t p = 0; p < object->part_count; p++)

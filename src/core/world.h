@@ -36,6 +36,15 @@ typedef struct Shine {
     float *axes;   /* [node][18] of all objects: what each node gives off (chiaro_primitives_sum) */
 } Shine;
 
+/* Nodes of its tree that stand for an object where it acts on static surfaces, and which blocker each is a part of: numbered
+ * as they first come. */
+enum { WORLD_MAX_PIECES = 64 };
+typedef struct BlockerPieces {
+    uint32_t count;
+    uint32_t node[WORLD_MAX_PIECES];
+    uint8_t blocker[WORLD_MAX_PIECES];
+} BlockerPieces;
+
 /* A placed object. */
 typedef struct Body {
     ChiaroObject object;
@@ -45,6 +54,7 @@ typedef struct Body {
     bool shines;  /* by itself */
     bool ball;    /* chiaro_object_is_ball() */
     float skin;   /* chiaro_world_skin() */
+    BlockerPieces pieces;
     float transform[16];
     Pose now, pose; /* as it was told last; as it is in this round */
     uint32_t first_slot, first_element; /* its nodes begin at 2 * first_element */
@@ -246,6 +256,7 @@ void chiaro_near_add(Near *near, const NearThing *thing);
 void chiaro_near_sum(Near *near, const NearReceivers *receivers, uint32_t count, float light[][4]);
 
 /* --- world_blockers.c --- */
+void chiaro_blockers_choose(const ChiaroObject *object, BlockerPieces *pieces);
 /* All blockers of an object, at most CHIARO_MAX_OBJECT_BLOCKERS. Returns their number. */
 uint32_t chiaro_blockers_make(const ChiaroWorld *world, uint32_t id, const Pose *pose, const Shine *shine,
                               ChiaroWorldBlocker *blockers);

@@ -55,29 +55,6 @@ static bool is_plate(const ChiaroPrimitive *node)
     return node->count == 1 || vec3_length(vec3_load(node->normal)) >= FLAT;
 }
 
-/* The nodes that stand for an object: from the root, always the one of largest area is opened that is neither ball nor
- * plate; while there is room. */
-static uint32_t choose_nodes(const ChiaroPrimitives *primitives, uint32_t chosen[CHIARO_MAX_OBJECT_BLOCKERS])
-{
-    uint32_t count = 1;
-    chosen[0] = 0;
-    while (count < CHIARO_MAX_OBJECT_BLOCKERS) {
-        uint32_t worst = CHIARO_NONE;
-        for (uint32_t k = 0; k < count; k++) {
-            const ChiaroPrimitive *node = &primitives->nodes[chosen[k]];
-            if (!chiaro_is_ball(node) && !is_plate(node) &&
-                (worst == CHIARO_NONE || node->area > primitives->nodes[chosen[worst]].area))
-                worst = k;
-        }
-        if (worst == CHIARO_NONE)
-            break;
-        uint32_t left = chosen[worst] + 1;
-        chosen[count++] = primitives->nodes[left].next;
-        chosen[worst] = left;
-    }
-    return count;
-}
-
 /* Plates that lie in one plane, on their way to being one blocker; all in the object's own space. */
 typedef struct Draft {
     Vec3 normal, center, edge[2]; /* of the first plate; center is where the sums are taken from */
@@ -114,6 +91,58 @@ static bool in_plane(const Draft *draft, const ChiaroPrimitive *node, float radi
     Vec3 from = vec3_sub(vec3_load(node->center), draft->center);
     return draft->plate && vec3_dot(draft->normal, vec3_normalize(vec3_load(node->normal))) > ONE_PLANE &&
            fabsf(vec3_dot(draft->normal, from)) < (1 - ONE_PLANE) * radius;
+}
+
+/* Deals out the nodes: plates in one plane are one blocker. Returns the number of blockers, which may be too large. */
+static uint32_t group_pieces(const ChiaroObject *object, BlockerPieces *pieces)
+{
+    Draft drafts[WORLD_MAX_PIECES];
+    uint32_t count = 0;
+    for (uint32_t k = 0; k < pieces->count; k++) {
+        const ChiaroPrimitive *node = &object->primitives.nodes[pieces->node[k]];
+        bool plate = !chiaro_is_ball(node) && is_plate(node);
+        uint32_t d = 0;
+        while (d < count && !(plate && in_plane(&drafts[d], node, object->radius)))
+            d++;
+        if (d == count)
+            drafts[count++] = plate ? begin_plate(node) : (Draft){.node = pieces->node[k]};
+        pieces->blocker[k] = (uint8_t)d;
+    }
+    return count;
+}
+
+/* Opens the node of largest area that is neither ball nor plate; false: there is none, or no room for its halves. */
+static bool open_piece(const ChiaroPrimitives *primitives, BlockerPieces *pieces)
+{
+    uint32_t worst = CHIARO_NONE;
+    for (uint32_t k = 0; k < pieces->count; k++) {
+        const ChiaroPrimitive *node = &primitives->nodes[pieces->node[k]];
+        if (!chiaro_is_ball(node) && !is_plate(node) &&
+            (worst == CHIARO_NONE || node->area > primitives->nodes[pieces->node[worst]].area))
+            worst = k;
+    }
+    if (worst == CHIARO_NONE || pieces->count == WORLD_MAX_PIECES)
+        return false;
+    uint32_t left = pieces->node[worst] + 1;
+    pieces->node[pieces->count++] = primitives->nodes[left].next;
+    pieces->node[worst] = left;
+    return true;
+}
+
+/* As far as may be opened: the sides of a box are many nodes at first, and six blockers in the end. */
+void chiaro_blockers_choose(const ChiaroObject *object, BlockerPieces *pieces)
+{
+    uint32_t steps = 0, best = 0;
+    *pieces = (BlockerPieces){.count = 1};
+    do {
+        if (group_pieces(object, pieces) <= CHIARO_MAX_OBJECT_BLOCKERS)
+            best = steps;
+        steps++;
+    } while (open_piece(&object->primitives, pieces));
+    *pieces = (BlockerPieces){.count = 1};
+    for (uint32_t k = 0; k < best; k++)
+        open_piece(&object->primitives, pieces);
+    group_pieces(object, pieces);
 }
 
 static void add_plate(Draft *draft, const Body *body, const ChiaroPrimitive *node, const float *axes)
@@ -212,20 +241,19 @@ uint32_t chiaro_blockers_make(const ChiaroWorld *world, uint32_t id, const Pose 
     const Body *body = &world->bodies[id];
     const ChiaroObject *object = &body->object;
     const float *axes = shine->axes + 36 * (size_t)body->first_element;
-    uint32_t chosen[CHIARO_MAX_OBJECT_BLOCKERS], nodes = choose_nodes(&object->primitives, chosen), count = 0;
+    const BlockerPieces *pieces = &body->pieces;
+    uint32_t count = 0;
     Draft drafts[CHIARO_MAX_OBJECT_BLOCKERS];
-    for (uint32_t k = 0; k < nodes; k++) {
-        const ChiaroPrimitive *node = &object->primitives.nodes[chosen[k]];
-        uint32_t d = 0;
-        if (chiaro_is_ball(node) || !is_plate(node)) {
-            drafts[count++] = (Draft){.node = chosen[k]};
-            continue;
+    for (uint32_t k = 0; k < pieces->count; k++) {
+        const ChiaroPrimitive *node = &object->primitives.nodes[pieces->node[k]];
+        Draft *draft = &drafts[pieces->blocker[k]];
+        bool plate = !chiaro_is_ball(node) && is_plate(node);
+        if (pieces->blocker[k] == count) {
+            *draft = plate ? begin_plate(node) : (Draft){.node = pieces->node[k]};
+            count++;
         }
-        while (d < count && !in_plane(&drafts[d], node, object->radius))
-            d++;
-        if (d == count)
-            drafts[count++] = begin_plate(node);
-        add_plate(&drafts[d], body, node, axes + 18 * (size_t)chosen[k]);
+        if (plate)
+            add_plate(draft, body, node, axes + 18 * (size_t)pieces->node[k]);
     }
     for (uint32_t d = 0; d < count; d++) {
         blockers[d] = drafts[d].plate ? finish_plate(pose, &drafts[d], id)
