@@ -483,13 +483,13 @@ ChiaroCubeTaps chiaro_cube_opposite(ChiaroCubeTaps taps, uint edge)
     return ChiaroCubeTaps(((face ^ 1) * edge + row) * edge + column, taps.weight);
 }
 
-/* Radiance * pi in a direction, near enough: irradiance has two thirds of its odd part. */
-vec3 chiaro_cube_radiance(uint slot, vec3 direction)
+/* Radiance * pi in a direction, as far as it can be had back from irradiance, whose mean is given. May be below zero. */
+vec3 chiaro_cube_radiance(uint slot, vec3 direction, vec3 mean)
 {
     ChiaroCubeTaps front = chiaro_cube_taps(direction, CHIARO_CUBE_EDGE), back = chiaro_cube_opposite(front, CHIARO_CUBE_EDGE);
-    front.weight *= 1 + CHIARO_BEHIND;
-    back.weight *= -CHIARO_BEHIND;
-    return chiaro_cube_shown(slot, front) + chiaro_cube_shown(slot, back);
+    front.weight *= CHIARO_BEHIND_FRONT;
+    back.weight *= CHIARO_BEHIND_BACK;
+    return chiaro_cube_shown(slot, front) + chiaro_cube_shown(slot, back) + chiaro_pi * CHIARO_BEHIND_MEAN * mean;
 }
 
 vec3 chiaro_object_direction(ChiaroGpuObject object, vec3 d)
@@ -603,8 +603,10 @@ void chiaro_add_behind(uint first, vec3 way, float form, inout ChiaroBehind behi
 {
 #ifndef CHIARO_NEAR_ONLY
     uint cube = chiaro_blocker_word(first + CHIARO_BLOCKER_CUBE);
-    if (cube != ~0u && form > 0)
-        behind.light += form * vec4(max(chiaro_cube_radiance(cube, way), vec3(0)), 1);
+    if (cube != ~0u && form > 0) {
+        vec3 seen = chiaro_cube_radiance(cube, way, chiaro_blocker_vector(first + CHIARO_BLOCKER_MEAN));
+        behind.light += form * vec4(max(seen, vec3(0)), 1);
+    }
 #endif
     behind.forms += form;
 }

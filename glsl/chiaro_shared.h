@@ -84,8 +84,11 @@ CHIARO_STRUCT(ChiaroGpuLight)
 #define CHIARO_NEAR 3.0
 #define CHIARO_REACH 8.0
 
-/* Irradiance / pi is radiance with its odd part at two thirds: so much of the difference of two opposite sides restores it. */
-#define CHIARO_BEHIND 0.25f
+/* Irradiance / pi is radiance with its odd part at two thirds and its second order at a quarter: so much of what is ahead, of
+ * what is opposite and of the mean restores both. */
+#define CHIARO_BEHIND_FRONT 2.75f
+#define CHIARO_BEHIND_BACK 1.25f
+#define CHIARO_BEHIND_MEAN -3.0f
 
 /* Form factor of a ball whose radius is r of its distance, and whose centre stands u radii above the receiver's horizon, |u|
  * at most 1: F(u) - F(-u) is r^3 u for any two such places, so only an even part is not elementary. It is
@@ -111,14 +114,15 @@ CHIARO_STRUCT(ChiaroGpuObject)
 };
 
 /* ChiaroWorldBlocker, in words: processors that fetch them one by one take no more than they need. */
-#define CHIARO_BLOCKER_WORDS 33u
+#define CHIARO_BLOCKER_WORDS 36u
 #define CHIARO_BLOCKER_RADIUS 3u
 #define CHIARO_BLOCKER_ACROSS 4u
 #define CHIARO_BLOCKER_ALONG 7u
 #define CHIARO_BLOCKER_RADIANCE 10u
 #define CHIARO_BLOCKER_EMISSION 28u
-#define CHIARO_BLOCKER_OBJECT 31u
-#define CHIARO_BLOCKER_CUBE 32u
+#define CHIARO_BLOCKER_MEAN 31u
+#define CHIARO_BLOCKER_OBJECT 34u
+#define CHIARO_BLOCKER_CUBE 35u
 
 /* The grids of blockers (ChiaroBlockerCells). Entries of the far one are blockers. In the near one, which is read by
  * pixel, a plain ball is itself, in two words: its centre from the cell's low corner, and the root of its radius, as

@@ -308,7 +308,7 @@ CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *wo
  * Back onto the static world
  */
 
-/** What stands for an object, or for a piece of it, where it blocks and reflects light: 33 words, for a GPU.
+/** What stands for an object, or for a piece of it, where it blocks and reflects light: 36 words, for a GPU.
  *
  * Ball (across == 0): a sphere about `center` that shines as its axes say. With w the unit direction from the blocker to
  * the receiver, the axes that w points along count with the squares of its components, which add up to 1:
@@ -326,8 +326,10 @@ CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *wo
  * bounce gains mix(sum of emission, sum of radiance, min(1, CHIARO_BLOCKER_GAP * sqrt(left))): close to where it touches,
  * only that part of an object is seen which the gap between the two lights.
  *
- * What is behind a blocker is what its cube sees in the direction from the receiver to it, and a quarter more of what
- * that is brighter than the opposite side: so the odd part of radiance comes back from irradiance. `hidden` is the mean
+ * What is behind a blocker is what its cube sees in the direction from the receiver to it: as much of radiance as can be had
+ * back from irradiance, 2.75 of what the cube shows there, 1.25 of what it shows on the opposite side, less three times its
+ * mean, and never below 0 (R. Ramamoorthi and P. Hanrahan, "An Efficient Representation for Irradiance Environment Maps",
+ * 2001: irradiance has radiance's mean, two thirds of what is odd, a quarter of what is of second order). `hidden` is the mean
  * over blockers, by their forms times both windows, the irradiance itself where there is no cube yet. With left of all objects
  * and gone = 1 - left, of the far shares first, then of the near ones,
  *     irradiance' = left * (irradiance + gone * (1 + gone) * (irradiance - hidden)) + bounce:
@@ -342,6 +344,7 @@ typedef struct ChiaroWorldBlocker {
     float across[3], along[3];
     float radiance[6][3]; /**< Ball: toward +x -x +y -y +z -z of the world. */
     float emission[3];    /**< Of the radiance, what it would have in the dark. */
+    float mean[3];        /**< Of what its cube shows, over all directions. */
     uint32_t object;      /**< Its number. */
     uint32_t cube;        /**< Slot of the cube that sees what is behind it; CHIARO_NONE: that shows no light yet. */
 } ChiaroWorldBlocker;

@@ -217,22 +217,28 @@ bool chiaro_object_is_ball(const ChiaroObject *object)
     return chiaro_is_ball(object->primitives.nodes) && vec3_max(node_emission(object, true, object->primitives.nodes)) <= 0;
 }
 
-/* The cube of the nearest part, if it shows any light. */
-static uint32_t cube_of(const ChiaroWorld *world, const Pose *pose, const Body *body, const float *texels, Vec3 center)
+/* What the cube of a part shows, over all directions. */
+static Vec3 cube_mean(const ChiaroWorld *world, const float *texels)
 {
-    uint32_t nearest = 0, count = 4 * world->texel_count;
+    Lanes sum = lanes_of(0);
+    for (uint32_t t = 0; t < world->texel_count; t++)
+        sum += world->kernel->weight[t] * lanes_load(texels + 4 * t);
+    return vec3_scale(vec3(sum[0], sum[1], sum[2]), 1 / (4 * CHIARO_PI));
+}
+
+/* The cube of the nearest part, if it shows any light. */
+static void ask_nearest(const Pose *pose, const Body *body, const Vec3 *means, ChiaroWorldBlocker *blocker)
+{
+    uint32_t nearest = 0;
     float least = INFINITY;
     for (uint32_t p = 0; p < body->object.part_count; p++) {
-        float distance = vec3_length(vec3_sub(pose_point(pose, vec3_load(body->object.parts[p].center)), center));
+        Vec3 center = pose_point(pose, vec3_load(body->object.parts[p].center));
+        float distance = vec3_length(vec3_sub(center, vec3_load(blocker->center)));
         if (distance < least)
-            least = distance, nearest = body->first_slot + p;
+            least = distance, nearest = p;
     }
-    const float *cube = texels + (size_t)nearest * count;
-    for (uint32_t t = 0; t < count; t += 4) {
-        if (vec3_max(vec3_load(cube + t)) > 0)
-            return nearest;
-    }
-    return CHIARO_NONE;
+    blocker->cube = vec3_max(means[nearest]) > 0 ? body->first_slot + nearest : CHIARO_NONE;
+    vec3_store(blocker->mean, means[nearest]);
 }
 
 uint32_t chiaro_blockers_make(const ChiaroWorld *world, uint32_t id, const Pose *pose, const Shine *shine,
@@ -244,6 +250,9 @@ uint32_t chiaro_blockers_make(const ChiaroWorld *world, uint32_t id, const Pose 
     const BlockerPieces *pieces = &body->pieces;
     uint32_t count = 0;
     Draft drafts[CHIARO_MAX_OBJECT_BLOCKERS];
+    Vec3 means[CHIARO_MAX_OBJECT_PARTS];
+    for (uint32_t p = 0; p < object->part_count; p++)
+        means[p] = cube_mean(world, shine->texels + 4 * (size_t)(body->first_slot + p) * world->texel_count);
     for (uint32_t k = 0; k < pieces->count; k++) {
         const ChiaroPrimitive *node = &object->primitives.nodes[pieces->node[k]];
         Draft *draft = &drafts[pieces->blocker[k]];
@@ -258,7 +267,7 @@ uint32_t chiaro_blockers_make(const ChiaroWorld *world, uint32_t id, const Pose 
     for (uint32_t d = 0; d < count; d++) {
         blockers[d] = drafts[d].plate ? finish_plate(pose, &drafts[d], id)
                                       : make_ball(pose, body, drafts[d].node, axes + 18 * (size_t)drafts[d].node, id);
-        blockers[d].cube = cube_of(world, pose, body, shine->texels, vec3_load(blockers[d].center));
+        ask_nearest(pose, body, means, &blockers[d]);
     }
     return count;
 }

@@ -461,7 +461,9 @@ static void add_behind(const Receiver *at, const ChiaroWorldBlocker *blocker, Ve
     ChiaroCubePlaces places = chiaro_cube_places(kernel, ways);
     ChiaroCubeTaps front = chiaro_cube_place_taps(kernel, &places, 0), back = chiaro_cube_place_taps(kernel, &places, 1);
     Lanes there = ask_cube(at, blocker->cube, &front), here = ask_cube(at, blocker->cube, &back);
-    Lanes seen = lanes_max(there + CHIARO_BEHIND * (there - here), lanes_of(0));
+    const Lanes mean = {blocker->mean[0], blocker->mean[1], blocker->mean[2]};
+    Lanes seen = CHIARO_BEHIND_FRONT * there + CHIARO_BEHIND_BACK * here + CHIARO_BEHIND_MEAN * mean;
+    seen = lanes_max(seen, lanes_of(0));
     behind->light = vec3_mad(behind->light, vec3(seen[0], seen[1], seen[2]), CHIARO_PI * form);
     behind->known += form;
 }

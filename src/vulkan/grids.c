@@ -17,6 +17,7 @@ _Static_assert(sizeof(ChiaroWorldBlocker) == 4 * CHIARO_BLOCKER_WORDS &&
                    offsetof(ChiaroWorldBlocker, along) == 4 * CHIARO_BLOCKER_ALONG &&
                    offsetof(ChiaroWorldBlocker, radiance) == 4 * CHIARO_BLOCKER_RADIANCE &&
                    offsetof(ChiaroWorldBlocker, emission) == 4 * CHIARO_BLOCKER_EMISSION &&
+                   offsetof(ChiaroWorldBlocker, mean) == 4 * CHIARO_BLOCKER_MEAN &&
                    offsetof(ChiaroWorldBlocker, object) == 4 * CHIARO_BLOCKER_OBJECT &&
                    offsetof(ChiaroWorldBlocker, cube) == 4 * CHIARO_BLOCKER_CUBE,
                "words of a blocker");
