@@ -50,7 +50,7 @@ PROGRAMS := $(patsubst samples/%.c,$(B)/bin/%,$(wildcard samples/chiaro-*.c))
 EMBEDS := $(patsubst samples/%.c,$(B)/bin/%,$(wildcard samples/embed_*.c))
 TESTS := $(patsubst tests/test_%.c,$(B)/tests/test_%,$(wildcard tests/test_*.c))
 TEST_COMMON := $(call objects,$(wildcard tests/common/*.c))
-SPIRV := $(patsubst glsl/%.glsl,$(B)/spirv/%.spv,$(wildcard glsl/*.vert.glsl glsl/*.frag.glsl glsl/*.comp.glsl))
+SPIRV := $(patsubst glsl/%.glsl,$(B)/spirv/%.spv,$(wildcard glsl/*.comp.glsl) $(wildcard glsl/*.vert.glsl) $(wildcard glsl/*.frag.glsl))
 
 SAMPLE_SHADERS := $(patsubst samples/shaders/%.glsl,$(B)/shaders/%.h,$(wildcard samples/shaders/*.vert.glsl samples/shaders/*.frag.glsl))
 

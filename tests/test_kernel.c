@@ -121,10 +121,11 @@ static void a_frame_that_was_disturbed_does_not_loosen_the_bound(void **state)
 {
     (void)state;
     enum { ITEMS = 2000, FRAMES = 1500, LATENCY = 8 };
-    const uint32_t spans[3] = {1, 16, 256}, every[3] = {40, 7, 3};
+    enum { SPANS = 6 };
+    const uint32_t spans[SPANS] = {1, 4, 16, 64, 256, 1024}, every[3] = {40, 7, 3};
     for (uint32_t t = 0; t < 3; t++) {
         ChiaroKernel *kernel = make(ITEMS, LATENCY, NULL);
-        uint32_t units[FRAMES], last[ITEMS] = {0}, bound = UINT32_MAX, oldest = 0;
+        uint32_t units[FRAMES], last[ITEMS] = {0}, bound = UINT32_MAX, oldest = 0, left = ITEMS, filled = 0;
         for (uint32_t i = 0; i < ITEMS; i++)
             chiaro_kernel_due(kernel, i, 0, 0, 1, 0);
         for (uint32_t frame = 0; frame < FRAMES; frame++) {
@@ -139,7 +140,7 @@ static void a_frame_that_was_disturbed_does_not_loosen_the_bound(void **state)
                 chiaro_kernel_due(kernel, done[i], 0, done[i] % 5 == 0, 1, 0);
             }
         }
-        for (uint32_t s = 0; s < 3; s++) {
+        for (uint32_t s = SPANS; s-- > 0;) {
             uint32_t least = UINT32_MAX;
             for (uint32_t first = 0; first + spans[s] <= FRAMES; first++) {
                 uint32_t sum = 0;
@@ -147,7 +148,9 @@ static void a_frame_that_was_disturbed_does_not_loosen_the_bound(void **state)
                     sum += units[first + k];
                 least = sum < least ? sum : least;
             }
-            uint32_t says = spans[s] * ((ITEMS + least - 1) / least) + LATENCY;
+            filled += spans[s] * (left / least);
+            left %= least;
+            uint32_t says = filled + (left ? spans[s] : 0) + LATENCY;
             bound = says < bound ? says : bound;
         }
         ChiaroKernelStats stats = stats_of(kernel);
@@ -156,7 +159,7 @@ static void a_frame_that_was_disturbed_does_not_loosen_the_bound(void **state)
         assert_int_equal(stats.bound, bound);
         assert_int_equal(stats.least_done, 1);
         assert_true(stats.age == oldest && oldest <= stats.bound);
-        assert_true(stats.bound < 2 * oldest);
+        assert_true(stats.bound < 1.1 * oldest);
         free(kernel);
     }
 }
@@ -237,6 +240,35 @@ static void a_frame_takes_no_longer_than_its_budget(void **state)
     }
 }
 
+/* Items take 6 microseconds; now and then the machine takes 30 for itself, wherever in the frame that is. */
+static void frames_are_seldom_late_where_the_machine_disturbs_them(void **state)
+{
+    (void)state;
+    enum { FRAMES = 6000, BUDGET = 100 };
+    Clock clock = {0};
+    ChiaroKernel *kernel = make(1000, 0, &clock);
+    ChiaroRandom random = chiaro_random_seed(9, 9);
+    uint32_t late = 0;
+    uint64_t used = 0;
+    for (uint32_t frame = 0; frame < 2 * FRAMES; frame++) {
+        bool disturbed = frame < FRAMES;
+        uint32_t item;
+        for (uint32_t i = 0; i < 1000; i++)
+            chiaro_kernel_due(kernel, i, 0, 0, 1, 0);
+        uint64_t begin = clock.now;
+        chiaro_kernel_begin(kernel, (ChiaroBudget){.microseconds = BUDGET}, 0);
+        while ((item = chiaro_kernel_next(kernel, NULL)) != CHIARO_NONE)
+            clock.now += disturbed && chiaro_random_float(&random) < 0.01f ? 36000 : 6000;
+        late += clock.now - begin > 1100 * BUDGET;
+        used += frame >= 2 * FRAMES - 100 ? clock.now - begin : 0;
+    }
+    printf("  %u frames of %u over budget + 10 %%; undisturbed %.0f us of %u are used\n", late, (uint32_t)FRAMES,
+           (double)used / 100000, (uint32_t)BUDGET);
+    assert_true(late <= FRAMES / 100);
+    assert_true(used / 100 > 920 * BUDGET);
+    free(kernel);
+}
+
 static void one_item_is_handed_out_however_small_the_budget(void **state)
 {
     (void)state;
@@ -259,7 +291,7 @@ static void wrong_arguments_are_refused(void **state)
     (void)state;
     ChiaroKernelDesc desc = {.struct_size = sizeof desc};
     ChiaroKernel *kernel = NULL;
-    double memory[512];
+    double memory[1024];
     assert_int_equal(chiaro_kernel_size(NULL), 0);
     assert_int_equal(chiaro_kernel_size(&desc), 0);
     desc.item_count = CHIARO_MAX_KERNEL_ITEMS + 1;
@@ -291,6 +323,7 @@ int main(void)
         cmocka_unit_test(a_large_item_is_handed_out_in_slices_and_keeps_its_age),
         cmocka_unit_test(units_hand_out_the_same_items_every_time),
         cmocka_unit_test(a_frame_takes_no_longer_than_its_budget),
+        cmocka_unit_test(frames_are_seldom_late_where_the_machine_disturbs_them),
         cmocka_unit_test(one_item_is_handed_out_however_small_the_budget),
         cmocka_unit_test(wrong_arguments_are_refused),
     };

@@ -119,8 +119,9 @@ static void play(Crowd *crowd, uint32_t budget)
     assert_int_equal(chiaro_kernel_stats(chiaro_world_kernel(crowd->world), &stats), CHIARO_OK);
     assert_true(stats.age <= stats.bound);
     TimeSpread spread = spread_of_times(times, FRAMES);
-    printf("  %4u us: median %.0f, p99 %.0f, most %.0f us; oldest item %u frames, stated %u\n", budget,
-           spread.median, spread.p99, spread.most, stats.age, stats.bound);
+    TimeSpread sums = spread_of_sums(budget, times, FRAMES);
+    printf("  %4u us: median %.0f, p99 %.0f, most %.0f us (sums %.0f, %.0f, %.0f); oldest item %u frames, stated %u\n", budget,
+           spread.median, spread.p99, spread.most, sums.median, sums.p99, sums.most, stats.age, stats.bound);
 }
 
 static void an_update_with_a_thousand_objects_keeps_the_bound_on_age(void **state)

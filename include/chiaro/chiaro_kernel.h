@@ -13,11 +13,14 @@
  *
  * (After `latency` frames nothing that becomes due later passes it; before it are then at most n units, each once. Where
  * all items cost the same, n and k count items.) That is so for every w. One frame alone, w = 1, says little where time is
- * measured: a single one that was disturbed would speak for all. So the least of what 1, 16 and 256 frames say is stated.
+ * measured: a single one that was disturbed would speak for all. So spans of 1, 4, 16 .. 1024 frames are watched: as many of
+ * the longest as n fills, then shorter ones for the rest, are stated.
  *
  * A budget is microseconds of the host's clock or units of work. Units are deterministic: the same calls hand out the
  * same items. In microseconds the kernel starts an item only if the rest of the budget is enough for what items of its
- * kind were seen to take. In either case at least one item a frame is handed out, so that work always ends.
+ * kind were seen to take; where frames end late more often than one in 128, as on a machine that is busy with other
+ * things, it keeps a part of the budget back. In either case at least one item a frame is handed out, so that work always
+ * ends.
  *
  * Memory is the host's: ask for the size, hand over a block. Nothing is allocated.
  */

@@ -11,14 +11,20 @@
 enum { DEFAULT_LATENCY = 4 };
 
 /* Runs of frames that left some undone, whose units are added up for the bound on age. */
-enum { SPANS = 3, LONGEST_SPAN = 256 };
-static const uint32_t span_frames[SPANS] = {1, 16, LONGEST_SPAN};
+enum { SPANS = 6, LONGEST_SPAN = 1024 };
+static const uint32_t span_frames[SPANS] = {1, 4, 16, 64, 256, LONGEST_SPAN};
 
 /* What an item of a kind is taken to cost falls by this much a time toward what it does cost; it rises at once, but by no
  * more than this factor: one that was dear by chance must not stop the others for long. */
-static const float FORGET = 1.0f / 64, RISE = 2;
+static const float FORGET = 1.0f / 64, RISE = 1.25f;
 /* And may be dearer than ever before by so much. */
 static const float MARGIN = 1.25f;
+
+/* What is kept back of a frame, for machines that now and then take a moment for themselves: it grows by a step with every
+ * frame that is late, and shrinks by a part of it with every one that is not, so that one in LATE_ONE_IN is. In parts of
+ * the budget; a frame is late if it takes so much more. */
+enum { LATE_ONE_IN = 128 };
+static const float LATE = 1.0f / 16, KEEP_STEP = 1.0f / 16, KEEP_FIRST = 0.125f, KEEP_MOST = 0.25f;
 
 typedef struct Due {
     uint64_t since; /* frame */
@@ -32,6 +38,7 @@ struct ChiaroKernel {
     ChiaroKernelDesc desc; /* resolved */
     uint64_t frame, began, started; /* nanoseconds: the frame, and the item under way */
     uint64_t limit; /* nanoseconds of the frame */
+    float kept;     /* part of a budget that is kept back */
     ChiaroBudget budget;
     ChiaroKernelStats stats;
     float nanoseconds[CHIARO_MAX_KERNEL_KINDS]; /* a unit */
@@ -70,7 +77,7 @@ ChiaroResult chiaro_kernel_init(const ChiaroKernelDesc *desc, void *memory, size
         size < chiaro_kernel_size(desc))
         return CHIARO_ERROR_ARGUMENT;
     ChiaroKernel *made = memory;
-    *made = (ChiaroKernel){.desc = resolved, .working = CHIARO_NONE};
+    *made = (ChiaroKernel){.desc = resolved, .working = CHIARO_NONE, .kept = KEEP_FIRST};
     made->items = (Due *)(made + 1);
     made->heap = (uint32_t *)(made->items + resolved.item_count);
     for (uint32_t i = 0; i < resolved.item_count; i++)
@@ -200,16 +207,21 @@ static bool affordable(const ChiaroKernel *kernel, const Due *due, uint32_t unit
         return true;
     if (budget->units && kernel->stats.units + (uint64_t)units > budget->units)
         return false;
-    float wanted = MARGIN * kernel->nanoseconds[due->kind] * (float)units;
+    float wanted = MARGIN * kernel->nanoseconds[due->kind] * (float)units +
+                   1000 * kernel->kept * (float)budget->microseconds;
     return !budget->microseconds || !kernel->desc.clock.now || (double)spent + (double)wanted <= (double)kernel->limit;
 }
 
-/* The frame leaves some undone. */
-static void end_short(ChiaroKernel *kernel)
+/* The frame leaves some undone, after so many nanoseconds. */
+static void end_short(ChiaroKernel *kernel, uint64_t spent)
 {
     uint32_t units = kernel->stats.units;
     if (kernel->last_left == kernel->frame)
         return;
+    bool late = kernel->budget.microseconds &&
+                (double)spent > (double)kernel->limit + (double)LATE * 1000 * (double)kernel->budget.microseconds;
+    float kept = kernel->kept + KEEP_STEP * (late ? 1 : -1.0f / LATE_ONE_IN);
+    kernel->kept = kept < 0 ? 0 : kept < KEEP_MOST ? kept : KEEP_MOST;
     if (kernel->last_left + 1 != kernel->frame) {
         kernel->run = 0;
         memset(kernel->span_units, 0, sizeof kernel->span_units);
@@ -238,7 +250,7 @@ uint32_t chiaro_kernel_next(ChiaroKernel *kernel, uint32_t *units)
     bool limited = kernel->budget.units || kernel->budget.microseconds;
     uint32_t slice = limited && due->slice < due->cost ? due->slice : due->cost;
     if (!affordable(kernel, due, slice, spent)) {
-        end_short(kernel);
+        end_short(kernel, spent);
         return CHIARO_NONE;
     }
     stats->age = age > stats->age ? age : stats->age;
@@ -257,6 +269,19 @@ uint32_t chiaro_kernel_next(ChiaroKernel *kernel, uint32_t *units)
     return item;
 }
 
+/* Frames that so many units take at most: as many of the longest spans as they fill, what is left by shorter ones. A span
+ * that was seen does no less than the shorter ones that it consists of. */
+static uint64_t frames_for(const ChiaroKernel *kernel, uint64_t units, uint32_t spans)
+{
+    if (units == 0 || spans == 0)
+        return 0;
+    uint64_t least = kernel->span_least[spans - 1], frames = span_frames[spans - 1];
+    if (least == 0)
+        return frames_for(kernel, units, spans - 1);
+    uint64_t rest = spans > 1 ? frames_for(kernel, units % least, spans - 1) : units % least;
+    return units / least * frames + (rest < frames ? rest : frames);
+}
+
 ChiaroResult chiaro_kernel_stats(const ChiaroKernel *kernel, ChiaroKernelStats *stats)
 {
     if (!stats || stats->struct_size != sizeof *stats)
@@ -270,11 +295,7 @@ ChiaroResult chiaro_kernel_stats(const ChiaroKernel *kernel, ChiaroKernelStats *
     stats->struct_size = sizeof *stats;
     stats->oldest = (uint32_t)oldest;
     stats->least_done = (uint32_t)kernel->span_least[0];
-    for (uint32_t s = 0; s < SPANS; s++) {
-        uint64_t k = kernel->span_least[s];
-        uint64_t bound = k ? span_frames[s] * ((stats->most_due + k - 1) / k) + kernel->desc.latency : 0;
-        if (k && (stats->bound == 0 || bound < stats->bound))
-            stats->bound = (uint32_t)(bound < UINT32_MAX ? bound : UINT32_MAX);
-    }
+    uint64_t bound = stats->least_done ? frames_for(kernel, stats->most_due, SPANS) + kernel->desc.latency : 0;
+    stats->bound = (uint32_t)(bound < UINT32_MAX ? bound : UINT32_MAX);
     return CHIARO_OK;
 }

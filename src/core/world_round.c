@@ -16,7 +16,7 @@ enum { ROUND_NONE, ROUND_OBJECTS, ROUND_LISTS, ROUND_BLOCKERS, ROUND_PAINT };
 
 /* Kinds of items, as the kernel learns what they take; units of each, by measurement about a microsecond. */
 enum { KIND_PAINT = ROUND_PAINT, KIND_PAINT_STATIC, KIND_SHOWN, KIND_LAY };
-enum { PAINT_UNITS = 16, STEP_UNITS = 12, OBJECTS_A_UNIT = 16, LISTS_A_UNIT = 1, BLOCKERS_A_UNIT = 1 };
+enum { PAINT_UNITS = 10, STEP_UNITS = 16, OBJECTS_A_UNIT = 16, LISTS_A_UNIT = 1, BLOCKERS_A_UNIT = 4 };
 /* Units of a slice; where jobs share it, it is worth their while. */
 enum { SLICE_UNITS = 8, BLOCKERS_SLICE = 2, SHARED_SLICE = 256 };
 

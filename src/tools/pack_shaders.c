@@ -1,94 +1,22 @@
-/* Packs compiled shaders into one C header: pack_shaders OUT.h A.spv B.spv ...
- *
- * The variants of a shader repeat each other, so all are packed as one text of words (LZ77: J. Ziv, A. Lempel, "A Universal
- * Algorithm for Sequential Data Compression", 1977). A token is a number: 2 n says that n words follow, 2 n + 1 that n words
- * are copied from as far back as the next number says. Numbers have seven bits a byte, the lowest first, the eighth bit set
- * if more follow. src/vulkan/shaders.c reads it.
- */
-#include <stdint.h>
+/* Packs compiled shaders into one C header: pack_shaders OUT.h A.spv B.spv ... How is told by packed.h. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_WORDS = 1 << 20, HASHES = 1 << 16, LOOKS = 256 };
+#include "../vulkan/packed.h"
+
+enum { MOST_WORDS = 1 << 20 };
 
 typedef struct Packer {
+    Packed packed;
     uint32_t words[MOST_WORDS], count;
-    uint32_t newest[HASHES], older[MOST_WORDS]; /* places of pairs of words with a hash, counted from 1 */
-    uint8_t bytes[5 * MOST_WORDS];
-    size_t size;
+    uint8_t bytes[8 * MOST_WORDS];
 } Packer;
 
 static void fail(const char *file, const char *what)
 {
     fprintf(stderr, "pack_shaders: %s: %s\n", file, what);
     exit(1);
-}
-
-static uint32_t bytes_of(uint32_t number)
-{
-    uint32_t bytes = 1;
-    while (number >>= 7)
-        bytes++;
-    return bytes;
-}
-
-static void put(Packer *packer, uint32_t number)
-{
-    for (; number >= 128; number >>= 7)
-        packer->bytes[packer->size++] = (uint8_t)(number | 128);
-    packer->bytes[packer->size++] = (uint8_t)number;
-}
-
-static uint32_t hash(const uint32_t *words) { return (words[0] * 0x9e3779b1u ^ words[1] * 0x85ebca6bu) >> 16; }
-
-/* The run before `at` that saves most bytes; its length, or 0. */
-static uint32_t find_run(const Packer *packer, uint32_t at, uint32_t *back)
-{
-    int32_t best = 0;
-    uint32_t length = 0;
-    if (at + 1 >= packer->count)
-        return 0;
-    uint32_t place = packer->newest[hash(packer->words + at)];
-    for (uint32_t look = 0; place && look < LOOKS; look++, place = packer->older[place - 1]) {
-        uint32_t from = place - 1, n = 0, plain = 0;
-        for (; at + n < packer->count && packer->words[from + n] == packer->words[at + n]; n++)
-            plain += bytes_of(packer->words[at + n]);
-        int32_t saved = (int32_t)plain - (int32_t)(bytes_of(2 * n + 1) + bytes_of(at - from));
-        if (saved > best)
-            best = saved, length = n, *back = at - from;
-    }
-    return length;
-}
-
-static void put_plain(Packer *packer, uint32_t first, uint32_t end)
-{
-    if (first == end)
-        return;
-    put(packer, 2 * (end - first));
-    for (uint32_t i = first; i < end; i++)
-        put(packer, packer->words[i]);
-}
-
-static void pack(Packer *packer)
-{
-    uint32_t plain = 0;
-    for (uint32_t at = 0, step; at < packer->count; at += step) {
-        uint32_t back = 0, run = find_run(packer, at, &back);
-        step = run ? run : 1;
-        if (run) {
-            put_plain(packer, plain, at);
-            put(packer, 2 * run + 1);
-            put(packer, back);
-            plain = at + run;
-        }
-        for (uint32_t i = at; i < at + step && i + 1 < packer->count; i++) {
-            uint32_t *newest = &packer->newest[hash(packer->words + i)];
-            packer->older[i] = *newest;
-            *newest = i + 1;
-        }
-    }
-    put_plain(packer, plain, packer->count);
 }
 
 /* build/spirv/forward.frag.spv: forward_frag. */
@@ -128,10 +56,13 @@ int main(int argc, char **argv)
         read_words(packer, argv[i]);
         fprintf(out, ", %u", packer->count);
     }
-    pack(packer);
+    packer->packed.to = packer->bytes;
+    packed_words(&packer->packed, packer->words, packer->count);
+    for (uint32_t i = 0; i < 4; i++)
+        *packer->packed.to++ = (uint8_t)(packer->packed.low >> (24 - 8 * i));
     fprintf(out, "};\nstatic const uint8_t shader_bytes[] = {");
-    for (size_t i = 0; i < packer->size; i++)
-        fprintf(out, "%s%u,", i % 24 ? "" : "\n    ", packer->bytes[i]);
+    for (const uint8_t *byte = packer->bytes; byte < packer->packed.to; byte++)
+        fprintf(out, "%s%u,", (byte - packer->bytes) % 24 ? "" : "\n    ", *byte);
     fprintf(out, "\n};\n#endif\n");
     if (fclose(out) != 0)
         fail(argv[1], "cannot be written");

@@ -20,8 +20,10 @@
 #define MAX_EXPOSURE 64.0f
 #define DEFAULT_UNEVEN_SIZE 2.0f
 #define MAX_UNEVEN_SIZE 1e6f
-/* What the end of an update is taken to cost falls by so much a frame toward what it does cost; it rises at once. */
+/* What the end of an update is taken to cost falls by so much a frame toward what it does cost; it rises at once, but by no
+ * more than this factor: one end that was disturbed must not take much from the frames after it. */
 #define TAIL_FORGET (1.0f / 64)
+#define TAIL_RISE 1.25f
 
 static ChiaroResult refuse(const ChiaroVulkan *context, const char *what)
 {
@@ -314,7 +316,8 @@ static ChiaroResult update(ChiaroVulkan *context, const ChiaroVulkanUpdate *give
     chiaro_vulkan_lap(context, LAP_BOUNCE);
     if (context->tail_began) {
         float tail = (float)(context->lap_began - context->tail_began);
-        context->tail = tail > context->tail ? tail : context->tail + TAIL_FORGET * (tail - context->tail);
+        float most = context->tail > 0 ? TAIL_RISE * context->tail : tail;
+        context->tail = tail > context->tail ? fminf(tail, most) : context->tail + TAIL_FORGET * (tail - context->tail);
     }
     return CHIARO_OK;
 }

@@ -3,7 +3,7 @@
  *   api.c        the table: checks arguments, keeps state, describes
  *   functions.c  Vulkan functions by the host's GetProcAddr
  *   arena.c      things that live and die together: memory, buffers, images, uploads, retirement
- *   shaders.c    shaders, unpacked
+ *   shaders.c    shaders, unpacked; packed.h says how
  *   pipelines.c  layouts, pipelines, each made when first needed
  *   scene.c      mesh, materials, textures, baked transport -> device
  *   links.c      links, in the order in which the device reads them
@@ -115,6 +115,8 @@ void *chiaro_upload_image(ChiaroVulkan *context, Upload *upload, VkImage image, 
 
 /* A module of a shader of spirv/shaders.h; VK_NULL_HANDLE, with the failure in the arena, which does not own it. */
 VkShaderModule chiaro_shader_create(ChiaroVulkan *context, Arena *arena, uint32_t shader);
+/* What was unpacked for them goes. */
+void chiaro_shaders_forget(ChiaroVulkan *context);
 /* The same of any words; `size` in bytes. */
 VkShaderModule chiaro_shader_module(ChiaroVulkan *context, Arena *arena, const uint32_t *words, uint64_t size);
 
@@ -331,9 +333,7 @@ typedef struct ObjectMesh {
 /* An object of the world, by its number. */
 typedef struct ShownObject {
     uint32_t mesh; /* CHIARO_NONE: not shown */
-    bool placed;   /* the device knows it: by these */
-    uint32_t slot;
-    float transform[16];
+    bool placed;   /* the device knows it */
     float center[3], radius; /* in the world */
 } ShownObject;
 
@@ -444,6 +444,7 @@ struct ChiaroVulkan {
     BounceState bounce;
     Pipeline pipelines[PIPELINES];
     uint32_t idle_pipelines;
+    void *shaders; /* unpacked, while pipelines are made */
     uint32_t cube_edge, cube_format; /* pipelines for objects are compiled for cubes stored so */
     bool gi_changed; /* something that bounce light depends on has changed since the last update */
     uint32_t *sample_code; /* the host's */

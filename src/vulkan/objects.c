@@ -374,6 +374,8 @@ static void touch_lights(ChiaroVulkan *context, const ShownObject *shown)
     LightState *lights = &context->lights;
     Vec3 center = vec3_load(shown->center);
     bool own = chiaro_vulkan_own_shadows(context);
+    if (!own && context->objects.shadow_moved)
+        return;
     for (uint32_t i = 0; i < chiaro_vulkan_lights(context); i++) {
         if (!reaches(&lights->gpu[i], center, shown->radius))
             continue;
@@ -387,31 +389,39 @@ static void touch_lights(ChiaroVulkan *context, const ShownObject *shown)
 static bool grow_bounds(ChiaroVulkan *context, const ShownObject *shown)
 {
     SceneState *scene = &context->scene;
-    bool grew = false;
+    float low[3], high[3];
+    bool grows = false;
+    for (int axis = 0; axis < 3; axis++) {
+        low[axis] = shown->center[axis] - shown->radius, high[axis] = shown->center[axis] + shown->radius;
+        grows |= low[axis] < scene->low[axis] || high[axis] > scene->high[axis];
+    }
+    if (!grows)
+        return false;
     float margin = growth * vec3_length(vec3_sub(vec3_load(scene->high), vec3_load(scene->low)));
     for (int axis = 0; axis < 3; axis++) {
-        float low = shown->center[axis] - shown->radius, high = shown->center[axis] + shown->radius;
-        if (low < scene->low[axis])
-            scene->low[axis] = low - margin, grew = true;
-        if (high > scene->high[axis])
-            scene->high[axis] = high + margin, grew = true;
+        if (low[axis] < scene->low[axis])
+            scene->low[axis] = low[axis] - margin;
+        if (high[axis] > scene->high[axis])
+            scene->high[axis] = high[axis] + margin;
     }
-    return grew;
+    return true;
 }
 
-static void take_place(ShownObject *shown, const ChiaroObjectState *object, ChiaroGpuObject *gpu)
+/* Takes over where an object is; false: that is known. */
+static bool take_place(ShownObject *shown, const ChiaroObjectState *object, ChiaroGpuObject *known)
 {
     const float *m = object->transform, *c = object->object->center;
-    float *rows[3] = {gpu->row0, gpu->row1, gpu->row2};
-    memcpy(shown->transform, m, sizeof shown->transform);
-    memset(gpu->info, 0, sizeof gpu->info);
-    gpu->info[0] = object->first_slot;
-    for (int row = 0; row < 3; row++) {
-        for (int column = 0; column < 4; column++)
-            rows[row][column] = m[4 * column + row];
-        shown->center[row] = rows[row][0] * c[0] + rows[row][1] * c[1] + rows[row][2] * c[2] + rows[row][3];
-    }
+    const ChiaroGpuObject gpu = {.row0 = {m[0], m[4], m[8], m[12]},
+                                 .row1 = {m[1], m[5], m[9], m[13]},
+                                 .row2 = {m[2], m[6], m[10], m[14]},
+                                 .info = {object->first_slot}};
+    if (shown->placed && memcmp(known, &gpu, sizeof gpu) == 0)
+        return false;
+    *known = gpu;
+    for (int row = 0; row < 3; row++)
+        shown->center[row] = m[row] * c[0] + m[4 + row] * c[1] + m[8 + row] * c[2] + m[12 + row];
     shown->radius = object->object->radius * vec3_length(vec3_load(m));
+    return true;
 }
 
 /* Objects that have moved, appeared or gone since the last frame. */
@@ -428,18 +438,16 @@ static void follow_objects(ChiaroVulkan *context, VkCommandBuffer commands)
         if (shown->mesh == CHIARO_NONE && !shown->placed)
             continue;
         bool there = shown->mesh != CHIARO_NONE && chiaro_object_state(state->world, id, &object);
-        if (there && shown->placed && shown->slot == object.first_slot &&
-            memcmp(shown->transform, object.transform, sizeof shown->transform) == 0)
+        const ShownObject before = *shown;
+        if (there && !take_place(shown, &object, &state->placed[id]))
             continue;
-        if (shown->placed)
-            touch_lights(context, shown);
+        if (before.placed)
+            touch_lights(context, &before);
         shown->placed = there;
         if (!there) {
             shown->mesh = CHIARO_NONE;
             continue;
         }
-        shown->slot = object.first_slot;
-        take_place(shown, &object, &state->placed[id]);
         grew |= grow_bounds(context, shown);
         touch_lights(context, shown);
         first = first == CHIARO_NONE ? id : first;

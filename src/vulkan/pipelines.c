@@ -632,5 +632,6 @@ ChiaroResult chiaro_pipelines_prepare(ChiaroVulkan *context)
             pipeline->idle_since = context->frame;
         context->idle_pipelines += pipeline->arena && !pipeline->wanted;
     }
+    chiaro_shaders_forget(context);
     return result;
 }

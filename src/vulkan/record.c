@@ -95,20 +95,24 @@ static void bind_shadow_mesh(ChiaroVulkan *context, VkCommandBuffer commands, co
     context->vk.CmdBindIndexBuffer(commands, scene->shadow_indices.buffer, 0, VK_INDEX_TYPE_UINT32);
 }
 
-/* The view from an object's own space: the transform is taken to the other side of every product. */
-static ChiaroShadowPush object_view(const ChiaroShadowPush *view, const float m[16])
+/* The other side of a product with an object's axes. */
+static void turn_back(const ChiaroGpuObject *object, Vec3 v, float out[3])
+{
+    Vec3 sum = vec3_mad(vec3_scale(vec3_load(object->row0), v.x), vec3_load(object->row1), v.y);
+    vec3_store(out, vec3_mad(sum, vec3_load(object->row2), v.z));
+}
+
+/* The view from an object's own space. */
+static ChiaroShadowPush object_view(const ChiaroShadowPush *view, const ChiaroGpuObject *object)
 {
     ChiaroShadowPush own = *view;
-    Vec3 x = vec3_load(m), y = vec3_load(m + 4), z = vec3_load(m + 8);
-    Vec3 way = vec3_sub(vec3_load(view->position), vec3_load(m + 12));
-    float shrink = 1 / vec3_dot(x, x); /* the axes are orthogonal and of one length */
-    vec3_store(own.position, vec3_scale(vec3(vec3_dot(x, way), vec3_dot(y, way), vec3_dot(z, way)), shrink));
-    const float *from[3] = {view->right, view->up, view->forward};
-    float *to[3] = {own.right, own.up, own.forward};
-    for (int i = 0; i < 3; i++) {
-        Vec3 axis = vec3_load(from[i]);
-        vec3_store(to[i], vec3(vec3_dot(x, axis), vec3_dot(y, axis), vec3_dot(z, axis)));
-    }
+    const float *x = object->row0, *y = object->row1, *z = object->row2;
+    float square = x[0] * x[0] + y[0] * y[0] + z[0] * z[0]; /* the axes are orthogonal and of one length */
+    turn_back(object, vec3_sub(vec3_load(view->position), vec3(x[3], y[3], z[3])), own.position);
+    vec3_store(own.position, vec3_scale(vec3_load(own.position), 1 / square));
+    turn_back(object, vec3_load(view->right), own.right);
+    turn_back(object, vec3_load(view->up), own.up);
+    turn_back(object, vec3_load(view->forward), own.forward);
     return own;
 }
 
@@ -123,7 +127,7 @@ static void draw_shadow_objects(ChiaroVulkan *context, VkCommandBuffer commands,
         if (!shown->placed)
             continue;
         const ObjectMesh *mesh = &objects->meshes_by_number[shown->mesh];
-        ChiaroShadowPush push = object_view(view, shown->transform);
+        ChiaroShadowPush push = object_view(view, &objects->placed[id]);
         for (uint32_t kind = 0; kind < SURFACE_KINDS; kind++)
             draw_shadow_parts(context, commands, &objects->meshes, mesh->first[kind], mesh->count[kind], &push);
     }

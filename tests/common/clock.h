@@ -52,4 +52,21 @@ static inline TimeSpread spread_of_times(uint64_t *times, uint32_t count)
                         (double)times[count - 1] / 1000};
 }
 
+/* What the machine does by itself: sums that should all take so many microseconds, as often as `times` has room for. */
+static inline TimeSpread spread_of_sums(uint32_t microseconds, uint64_t *times, uint32_t count)
+{
+    enum { TRIAL = 100000 };
+    volatile float sum = 0;
+    uint64_t terms = TRIAL;
+    for (uint32_t t = 0; t < count + 9; t++) {
+        uint64_t begin = thread_time(NULL);
+        for (uint64_t i = 0; i < terms; i++)
+            sum = sum + 1;
+        times[t < 9 ? t : t - 9] = thread_time(NULL) - begin;
+        if (t == 8)
+            terms = (uint64_t)(1e3 * TRIAL * microseconds / (1e3 * spread_of_times(times, 9).median));
+    }
+    return spread_of_times(times, count);
+}
+
 #endif
