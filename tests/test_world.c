@@ -304,14 +304,21 @@ static void an_even_sky_lights_every_side_alike(void **state)
 
 /* A closed box whose walls emit 1 and reflect one half: radiance 2 everywhere, at any place in it; also where it is
  * shared with an object that emits and reflects the same. */
+/* A room whose walls shine: with what they reflect, irradiance is 2 pi everywhere. */
+static Lit light_furnace(Mesh *mesh)
+{
+    mesh_material(mesh, 0.5f, 1);
+    mesh_box(mesh, vec3(0, 0, 0), vec3(5, 3, 4));
+    Lit lit = lit_make(&mesh->scene, NULL, 512);
+    lit_light(&lit, NULL, 0, NULL, NULL);
+    return lit;
+}
+
 static void light_in_a_furnace_is_even_wherever_the_object_is(void **state)
 {
     (void)state;
     Mesh mesh = mesh_begin();
-    mesh_material(&mesh, 0.5f, 1);
-    mesh_box(&mesh, vec3(0, 0, 0), vec3(5, 3, 4));
-    Lit lit = lit_make(&mesh.scene, NULL, 512);
-    lit_light(&lit, NULL, 0, NULL, NULL);
+    Lit lit = light_furnace(&mesh);
     Moving ball = moving_ball(0.4f, 8, 0.5f, 1);
     const float places[3][3] = {{2.5f, 1.5f, 2}, {0.5f, 0.5f, 0.6f}, {4.4f, 0.46f, 2}};
     for (int k = 0; k < 3; k++) {
@@ -336,10 +343,7 @@ static void what_stands_half_in_a_wall_is_lit_by_its_room(void **state)
 {
     (void)state;
     Mesh mesh = mesh_begin();
-    mesh_material(&mesh, 0.5f, 1);
-    mesh_box(&mesh, vec3(0, 0, 0), vec3(5, 3, 4));
-    Lit lit = lit_make(&mesh.scene, NULL, 512);
-    lit_light(&lit, NULL, 0, NULL, NULL);
+    Lit lit = light_furnace(&mesh);
     Moving ball = moving_ball(0.4f, 8, 0.5f, 1);
     const float places[2] = {5.1f, 6}; /* the wall is at 5: the middle is in it; all of it is behind it */
     for (int k = 0; k < 2; k++) {
