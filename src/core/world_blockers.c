@@ -52,7 +52,7 @@ bool chiaro_is_ball(const ChiaroPrimitive *node)
 
 static bool is_plate(const ChiaroPrimitive *node)
 {
-    return node->count == 1 || vec3_length(vec3_load(node->normal)) >= FLAT;
+    return !chiaro_is_ball(node) && (node->count == 1 || vec3_length(vec3_load(node->normal)) >= FLAT);
 }
 
 /* Plates that lie in one plane, on their way to being one blocker; all in the object's own space. */
@@ -100,7 +100,7 @@ static uint32_t group_pieces(const ChiaroObject *object, BlockerPieces *pieces)
     uint32_t count = 0;
     for (uint32_t k = 0; k < pieces->count; k++) {
         const ChiaroPrimitive *node = &object->primitives.nodes[pieces->node[k]];
-        bool plate = !chiaro_is_ball(node) && is_plate(node);
+        bool plate = is_plate(node);
         uint32_t d = 0;
         while (d < count && !(plate && in_plane(&drafts[d], node, object->radius)))
             d++;
@@ -132,17 +132,11 @@ static bool open_piece(const ChiaroPrimitives *primitives, BlockerPieces *pieces
 /* As far as may be opened: the sides of a box are many nodes at first, and six blockers in the end. */
 void chiaro_blockers_choose(const ChiaroObject *object, BlockerPieces *pieces)
 {
-    uint32_t steps = 0, best = 0;
-    *pieces = (BlockerPieces){.count = 1};
+    BlockerPieces opened = {.count = 1};
     do {
-        if (group_pieces(object, pieces) <= CHIARO_MAX_OBJECT_BLOCKERS)
-            best = steps;
-        steps++;
-    } while (open_piece(&object->primitives, pieces));
-    *pieces = (BlockerPieces){.count = 1};
-    for (uint32_t k = 0; k < best; k++)
-        open_piece(&object->primitives, pieces);
-    group_pieces(object, pieces);
+        if (group_pieces(object, &opened) <= CHIARO_MAX_OBJECT_BLOCKERS)
+            *pieces = opened;
+    } while (open_piece(&object->primitives, &opened));
 }
 
 static void add_plate(Draft *draft, const Body *body, const ChiaroPrimitive *node, const float *axes)
@@ -256,7 +250,7 @@ uint32_t chiaro_blockers_make(const ChiaroWorld *world, uint32_t id, const Pose 
     for (uint32_t k = 0; k < pieces->count; k++) {
         const ChiaroPrimitive *node = &object->primitives.nodes[pieces->node[k]];
         Draft *draft = &drafts[pieces->blocker[k]];
-        bool plate = !chiaro_is_ball(node) && is_plate(node);
+        bool plate = is_plate(node);
         if (pieces->blocker[k] == count) {
             *draft = plate ? begin_plate(node) : (Draft){.node = pieces->node[k]};
             count++;
