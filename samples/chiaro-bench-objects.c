@@ -10,6 +10,7 @@
  * given the library's lists for nothing. Light is compared with what a path tracer says at some of the objects. */
 #include "../src/core/cube.h"
 #include "common/crowd.h"
+#include "common/metrics.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -126,12 +127,6 @@ static void paint_round(Bench *bench, uint32_t round)
     chiaro_world_update(bench->world, OBJECTS, NULL);
 }
 
-static int compare_times(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Each form in turn, so that drift cancels; the median. */
 static void bench_edge(Bench *bench, uint32_t edge)
 {
@@ -153,7 +148,7 @@ static void bench_edge(Bench *bench, uint32_t edge)
         }
     }
     for (uint32_t form = 0; form < FORMS; form++)
-        qsort(time[form], ROUNDS, sizeof(double), compare_times);
+        metrics_sort(time[form], ROUNDS);
     double ours = crowd_error(&bench->options, &bench->crowd, bench->world), literal = literal_error(bench);
     double own = time[OURS][ROUNDS / 2], plain = time[LITERAL][ROUNDS / 2], table = time[LITERAL_TABLE][ROUNDS / 2];
     printf("%u objects, %ux%ux6 : relRMSE %.4f (literal %.4f), median of %d rounds after %d: %.2f ms (literal %.2f ms, ratio "

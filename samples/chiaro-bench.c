@@ -72,12 +72,6 @@ static void print_row(const char *name, const Metrics *m, const char *cost)
     printf("%-22s: relRMSE %.4f, mean ratio %.4f, p99 %.3f%s\n", name, m->relrmse, m->mean_ratio, m->p99, cost);
 }
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
 static void bench_links(const Bench *bench, uint32_t links)
 {
     static const char *const gi[2] = {"on", "off"};
@@ -101,10 +95,10 @@ static void bench_links(const Bench *bench, uint32_t links)
         }
         ratio[p] = frame[0][p] / frame[1][p], still_ratio[p] = still[0][p] / still[1][p];
     }
-    qsort(ratio, PAIRS, sizeof *ratio, compare_doubles);
-    qsort(still_ratio, PAIRS, sizeof *still_ratio, compare_doubles);
-    qsort(frame[0], PAIRS, sizeof **frame, compare_doubles);
-    qsort(frame[1], PAIRS, sizeof **frame, compare_doubles);
+    metrics_sort(ratio, PAIRS);
+    metrics_sort(still_ratio, PAIRS);
+    metrics_sort(frame[0], PAIRS);
+    metrics_sort(frame[1], PAIRS);
     if (!chiaro_io_read_exr(path, &picture, &error))
         options_fail(&bench->options, CHIARO_EXIT_INPUT, "%s", error.message);
     Metrics metrics = compare(bench, &picture);

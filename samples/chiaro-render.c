@@ -240,15 +240,9 @@ static void write_picture(const Job *job, const Run *run)
         options_fail(&job->options, CHIARO_EXIT_INPUT, "%s", error.message);
 }
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static Timing summarize(double *values, uint32_t count)
 {
-    qsort(values, count, sizeof *values, compare_doubles);
+    metrics_sort(values, count);
     return (Timing){values[count / 2], values[(uint64_t)(count - 1) * 99 / 100 + (count > 1)]};
 }
 

@@ -155,3 +155,11 @@ bool metrics_picture(const ChiaroIoImage *test, const ChiaroIoImage *truth, cons
     }
     return true;
 }
+
+static int compare_doubles(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+void metrics_sort(double *values, size_t count) { qsort(values, count, sizeof *values, compare_doubles); }

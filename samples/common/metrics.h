@@ -30,4 +30,7 @@ void metrics_scale_best(const ChiaroIoImage *truth, ChiaroIoImage *picture);
 bool metrics_picture(const ChiaroIoImage *test, const ChiaroIoImage *truth, const ChiaroIoImage *mask,
                      ChiaroIoImage *picture, const char **fault);
 
+/* Sorts numbers, the least first: for medians. */
+void metrics_sort(double *values, size_t count);
+
 #endif

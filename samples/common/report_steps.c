@@ -153,14 +153,8 @@ void report_trace(const Report *report, const ReportScene *scene, const ChiaroSc
 
 /* ---- times -------------------------------------------------------------------------------------------------------- */
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 ReportTiming report_summarize(double *values, uint32_t count)
 {
-    qsort(values, count, sizeof *values, compare_doubles);
+    metrics_sort(values, count);
     return (ReportTiming){values[count / 2], values[(uint64_t)(count - 1) * 95 / 100]};
 }
