@@ -70,7 +70,7 @@ help: ## this list
 # ---- packages --------------------------------------------------------------------------------------------------------
 PACKAGES := gcc g++ make pkg-config glslang-tools libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers \
   libembree-dev libtbb-dev libtinygltf-dev nlohmann-json3-dev libstb-dev libopenexr-dev libglfw3-dev libcmocka-dev doxygen \
-  xvfb libx11-dev libxtst-dev
+  xvfb libx11-dev libxtst-dev $(if $(filter test stability,$(MAKECMDGOALS)),clang) # tests compare two compilers
 MISSING = $(shell for p in $(PACKAGES); do \
   dpkg-query -W -f='$${db:Status-Status}' $$p 2>/dev/null | grep -qx installed || echo $$p; done)
 
