@@ -366,7 +366,7 @@ layout(set = CHIARO_OBJECT_SET, binding = 0) uniform usamplerBuffer chiaro_objec
  * (imageCubeArray), no limit on layers, no rims of copied texels, and gives the same bits on every device. */
 layout(set = CHIARO_OBJECT_SET, binding = 1) uniform usamplerBuffer chiaro_scales;
 layout(set = CHIARO_OBJECT_SET, binding = 2) uniform usamplerBuffer chiaro_cubes;
-layout(std140, set = CHIARO_OBJECT_SET, binding = 5) uniform ChiaroShape
+layout(std140, set = CHIARO_OBJECT_SET, binding = 6) uniform ChiaroShape
 {
     ChiaroGpuShape chiaro_shape;
 };
@@ -513,7 +513,8 @@ vec3 chiaro_object_irradiance(ChiaroGpuObject object, vec3 cavity, vec3 bent, uv
 }
 
 layout(set = CHIARO_OBJECT_SET, binding = 3) uniform usamplerBuffer chiaro_blockers; /* ChiaroWorldBlocker, in words */
-layout(set = CHIARO_OBJECT_SET, binding = 4) uniform usamplerBuffer chiaro_cells;    /* words of the two grids */
+layout(set = CHIARO_OBJECT_SET, binding = 4) uniform usamplerBuffer chiaro_cells;    /* words of the two grids ... */
+layout(set = CHIARO_OBJECT_SET, binding = 5) uniform usamplerBuffer chiaro_pairs;    /* ... the same in pairs */
 
 uint chiaro_blocker_word(uint word)
 {
@@ -525,13 +526,21 @@ uint chiaro_cell_word(uint word)
     return texelFetch(chiaro_cells, int(word)).x;
 }
 
-/* Form factor of a ball. Twin of lanes_ball_forms in src/core/lanes_ball.h: every way through a branch would be taken. */
-float chiaro_sphere_form(vec3 way, vec3 normal, float radius)
+/* One of a radius: lengths are told in radii of a ball. */
+float chiaro_in_radii(float radius)
 {
-    float away = length(way), ratio = radius / max(away, radius), square = ratio * ratio;
-    float height = dot(normal, way) / max(min(away, radius), 1e-20), u = clamp(height, -1, 1), v = u * u, h = sqrt(max(0, 1 - square));
+    return 1 / max(radius, 1e-15);
+}
+
+/* Form factor of a ball, from the square of its distance and the height of its centre above the receiver, in radii. Twin of
+ * lanes_ball_forms in src/core/lanes_ball.h: every way through a branch would be taken. */
+float chiaro_ball_form(float square, float height)
+{
+    float near = inversesqrt(max(square, 1e-12)), ratio = min(near, 1), r = ratio * ratio;
+    height *= max(near, 1);
+    float u = clamp(height, -1, 1), v = u * u, h = sqrt(1 - r);
     float rim = ratio * (0.5 + 0.5 * u) - (1 - v) * CHIARO_BALL_FIT(v, h);
-    return square * (max(0, rim) + ratio * max(0, height - 1));
+    return r * (max(0, rim) + ratio * max(0, height - 1));
 }
 
 /* Angle under which an edge is seen, times the cosine of its plane's normal: Lambert's sum over edges. */
@@ -558,10 +567,11 @@ float chiaro_rectangle_form(vec3 way, vec3 normal, vec3 across, vec3 along)
     return min(1, abs(sum) / (2 * chiaro_pi));
 }
 
-/* Share of the form of a blocker that counts; 0 out of reach. Twin of chiaro_blocker_window. */
-float chiaro_blocker_window(vec3 way, float reach)
+/* Share of the form of a blocker that counts; 0 out of reach. The square of the distance, as the reach, is told in radii.
+ * Twin of chiaro_blocker_window. */
+float chiaro_blocker_window(float square, float reach)
 {
-    float ratio = dot(way, way) / (reach * reach);
+    float ratio = square * (1 / (reach * reach));
     return max(0, 1 - ratio * ratio);
 }
 
@@ -579,13 +589,13 @@ vec3 chiaro_ball_shine(uint first, vec3 way)
            w.z * w.z * chiaro_blocker_vector(axis.z);
 }
 
-/* Form of any blocker, and what it shines with. */
-float chiaro_blocker_form(uint first, vec3 way, vec3 normal, float radius, out vec3 radiance)
+/* Form of any blocker, and what it shines with. `way` and `in_radii`: from the receiver, in metres and radii. */
+float chiaro_blocker_form(uint first, vec3 way, vec3 normal, vec3 in_radii, out vec3 radiance)
 {
     vec3 across = chiaro_blocker_vector(first + CHIARO_BLOCKER_ACROSS);
     if (across == vec3(0)) {
         radiance = chiaro_ball_shine(first, way);
-        return chiaro_sphere_form(way, normal, radius);
+        return chiaro_ball_form(dot(in_radii, in_radii), dot(normal, in_radii));
     }
     radiance = chiaro_blocker_vector(first + CHIARO_BLOCKER_RADIANCE);
     return chiaro_rectangle_form(way, normal, across, chiaro_blocker_vector(first + CHIARO_BLOCKER_ALONG));
@@ -620,22 +630,29 @@ vec3 chiaro_left(float open, vec3 irradiance, vec3 hidden)
     return open * (irradiance + blocked * (1 + blocked) * (irradiance - hidden));
 }
 
-/* All of an object: what it leaves open, and what it gives back: of what it passes on, the part that the gap lights. */
+/* The part of what an object passes on that the gap between it and the receiver lights, from what it leaves open. */
+float chiaro_gap(float open)
+{
+    return min(1, CHIARO_GAP * sqrt(open));
+}
+
+/* All of an object: what it leaves open, and what it gives back. */
 float chiaro_take_object(float form, vec3 given, vec3 emitted, inout vec3 bounce)
 {
     float left = 1 - min(1, form);
-    bounce += chiaro_pi * mix(emitted, given, min(1, CHIARO_GAP * sqrt(max(left, 0))));
+    bounce += chiaro_pi * mix(emitted, given, chiaro_gap(left));
     return left;
 }
 
 /* The word of a cell, or nothing; `corner` is its low corner. */
 uint chiaro_find_cell(ChiaroGpuGrid grid, vec3 point, out vec3 corner)
 {
-    vec3 place = (point - grid.low.xyz) * grid.low.w, limit = vec3(grid.count.xyz);
-    bool within = all(greaterThanEqual(place, vec3(0))) && all(lessThan(place, limit));
-    uvec3 cell = uvec3(within ? place : vec3(0));
-    corner = grid.low.xyz + grid.range.x * vec3(cell);
-    uint word = chiaro_cell_word(grid.first.x + cell.x + grid.count.x * (cell.y + grid.count.y * cell.z));
+    vec3 place = floor((point - grid.low.xyz) * grid.low.w);
+    uvec3 cell = uvec3(ivec3(place)); /* what is below the grid is far above it */
+    bool within = all(lessThan(cell, grid.count.xyz));
+    corner = grid.low.xyz + grid.range.x * place;
+    uint number = cell.x + grid.count.x * (cell.y + grid.count.y * cell.z);
+    uint word = chiaro_cell_word(grid.first.x + (within ? number : 0));
     return within ? word : 0;
 }
 
@@ -656,11 +673,11 @@ float chiaro_sum_pieces(uint entry, uint end, bool far, vec3 point, vec3 normal,
             last = object;
         }
         vec3 way = chiaro_blocker_vector(first) - point;
-        float radius = uintBitsToFloat(chiaro_blocker_word(first + CHIARO_BLOCKER_RADIUS));
-        float form = chiaro_blocker_form(first, way, normal, radius, radiance);
-        float share = chiaro_blocker_window(way, CHIARO_NEAR * radius);
+        vec3 in_radii = chiaro_in_radii(uintBitsToFloat(chiaro_blocker_word(first + CHIARO_BLOCKER_RADIUS))) * way;
+        float form = chiaro_blocker_form(first, way, normal, in_radii, radiance), square = dot(in_radii, in_radii);
+        float share = chiaro_blocker_window(square, CHIARO_NEAR);
         if (far) {
-            float all = chiaro_blocker_window(way, CHIARO_REACH * radius);
+            float all = chiaro_blocker_window(square, CHIARO_REACH);
             chiaro_add_behind(first, way, all * form, behind);
             share = all - share;
         }
@@ -693,9 +710,9 @@ vec3 chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, vec3 irradiance, o
     for (; entry < balls; entry++) {
         uint first = CHIARO_BLOCKER_WORDS * chiaro_cell_word(entry);
         vec3 way = chiaro_blocker_vector(first) - point, radiance = chiaro_ball_shine(first, way);
-        float radius = uintBitsToFloat(chiaro_blocker_word(first + CHIARO_BLOCKER_RADIUS));
-        float form = chiaro_sphere_form(way, normal, radius), all = chiaro_blocker_window(way, CHIARO_REACH * radius);
-        float share = all - chiaro_blocker_window(way, CHIARO_NEAR * radius);
+        vec3 in_radii = chiaro_in_radii(uintBitsToFloat(chiaro_blocker_word(first + CHIARO_BLOCKER_RADIUS))) * way;
+        float square = dot(in_radii, in_radii), all = chiaro_blocker_window(square, CHIARO_REACH);
+        float form = chiaro_ball_form(square, dot(normal, in_radii)), share = all - chiaro_blocker_window(square, CHIARO_NEAR);
         open *= chiaro_take_object(share * form, share * form * radiance, vec3(0), bounce);
         shine += all * form * vec4(radiance, 1);
         chiaro_add_behind(first, way, all * form, behind);
@@ -716,20 +733,22 @@ vec3 chiaro_blocked_near(bool pieces, vec3 point, vec3 normal, vec3 irradiance, 
     ChiaroGpuGrid grid = chiaro_shape.near;
     uint word = chiaro_find_cell(grid, point, corner);
     uint entry = grid.first.y + (word & 0xfffffu), balls = entry + 2 * (word >> 20 & 63u);
-    float open = 1;
+    float open = 1, given = 0;
+    float scale = grid.range.y / 32767.0;
     corner -= point;
     do {
-        bool valid = entry < balls;
-        uint at = valid ? entry : grid.first.y;
-        vec2 xy = unpackSnorm2x16(chiaro_cell_word(at));
-        uint more = chiaro_cell_word(at + 1);
-        vec3 way = corner + grid.range.y * vec3(xy, unpackSnorm2x16(more).x);
-        float root = unpackUnorm2x16(more).y, radius = grid.range.z * root * root;
-        float form = chiaro_sphere_form(way, normal, radius) * chiaro_blocker_window(way, CHIARO_NEAR * radius);
-        form = valid ? form : 0;
-        open *= chiaro_take_object(form, form * radiance, vec3(0), bounce);
+        ivec2 words = ivec2(texelFetch(chiaro_pairs, int(entry >> 1)).xy);
+        vec3 way = corner + scale * vec3(words.x << 16 >> 16, words.x >> 16, words.y << 16 >> 16);
+        float root = float(words.y >> 16 & 0xffff) * (1.0 / 65535.0);
+        way *= chiaro_in_radii(grid.range.z * root * root);
+        float square = dot(way, way);
+        float form = chiaro_ball_form(square, dot(normal, way)) * chiaro_blocker_window(square, CHIARO_NEAR);
+        form = entry < balls ? min(1, form) : 0;
+        open *= 1 - form;
+        given += form * chiaro_gap(1 - form);
         entry += 2;
     } while (entry < balls);
+    bounce += chiaro_pi * given * radiance;
     ChiaroBehind behind = ChiaroBehind(vec4(0), 0); /* the first part has asked */
     if (pieces)
         open *= chiaro_sum_pieces(balls, balls + (word >> 26), false, point, normal, bounce, behind);

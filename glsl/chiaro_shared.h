@@ -126,7 +126,7 @@ CHIARO_STRUCT(ChiaroGpuObject)
 
 /* The grids of blockers (ChiaroBlockerCells). Entries of the far one are blockers. In the near one, which is read by
  * pixel, a plain ball is itself, in two words: its centre from the cell's low corner, and the root of its radius, as
- * 16-bit parts of the ranges below; another blocker is a word. */
+ * 16-bit parts of the ranges below; another blocker is a word. A cell of it begins at an even word. */
 CHIARO_STRUCT(ChiaroGpuGrid)
 {
     CHIARO_VEC4(low);    /* w: 1 / edge of a cell */

@@ -323,7 +323,7 @@ bool chiaro_objects_near(const ChiaroVulkan *context, const DrawPart *part);
 /* ---- objects.c ---------------------------------------------------------------------------------------------------- */
 
 /* Bindings of the set of objects: chiaro.glsl, CHIARO_OBJECT_SET. Those that are read as texels come first. */
-enum { OBJECT_TEXELS = 5, OBJECT_BINDINGS };
+enum { OBJECT_TEXELS = 6, OBJECT_BINDINGS };
 
 /* The runs of draw parts that a mesh is. */
 typedef struct ObjectMesh {

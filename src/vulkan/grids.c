@@ -29,8 +29,8 @@ enum { GRID_DONE, GRID_NEAR, GRID_FAR_CELLS, GRID_FAR_ENTRIES, GRID_BLOCKERS, GR
 
 uint64_t chiaro_grids_words(uint32_t object_capacity)
 {
-    /* Two grids; an entry of the near one may take two words. */
-    return (uint64_t)chiaro_world_cells(object_capacity) * (2 + 3 * CHIARO_MAX_CELL_BLOCKERS);
+    /* Two grids; an entry of the near one takes two words, and begins at an even one. */
+    return (uint64_t)chiaro_world_cells(object_capacity) * (2 + 3 * CHIARO_MAX_CELL_BLOCKERS) / 2 * 2 + 2;
 }
 
 uint64_t chiaro_grids_blockers(uint32_t object_capacity)
@@ -72,10 +72,11 @@ static void begin(ObjectsState *state, const ChiaroWorldBlockers *b)
     grids->head[0].range[1] = CHIARO_BLOCKER_NEAR * largest + b->near.size;
     grids->head[0].range[2] = largest;
     grids->head[0].first[0] = first_word(state);
-    grids->head[0].first[1] = first_word(state) + b->near.cell_count;
+    grids->head[0].first[1] = first_word(state) + (b->near.cell_count + 1) / 2 * 2;
 }
 
-/* The entries of a cell of the near grid: plain balls are there themselves (ChiaroGpuGrid). Returns how many words. */
+/* The entries of a cell of the near grid: plain balls are there themselves (ChiaroGpuGrid). Returns how many words: an even
+ * number, because those of the next cell are read in pairs. */
 static uint32_t pack_cell(const ObjectsState *state, const ChiaroWorldBlockers *b, uint32_t number, uint32_t *words)
 {
     const ChiaroBlockerCells *near = &b->near;
@@ -96,7 +97,8 @@ static uint32_t pack_cell(const ObjectsState *state, const ChiaroWorldBlockers *
     }
     for (uint32_t k = first + balls; k < first + balls + CHIARO_CELL_OTHERS(word); k++)
         words[count++] = first_blocker(state) + near->entries[k];
-    return count;
+    words[count] = 0;
+    return (count + 1) / 2 * 2;
 }
 
 static void write_words(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t first, const uint32_t *words,

@@ -135,14 +135,15 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
         DeviceBuffer *buffer;
         uint64_t size;
         VkFormat format;
-    } wanted[OBJECT_TEXELS] = {
+    } wanted[] = {
         {&state->instances, capacity * sizeof(ChiaroGpuObject), fours},
         {&state->scale_buffer, slots * 2 * sizeof(float), VK_FORMAT_R32G32_UINT},
         {&state->cube_buffer, slots * 2 * state->words * sizeof(uint32_t), word},
         {&state->blockers, 2 * sizeof(ChiaroWorldBlocker) * chiaro_grids_blockers(state->capacity), word},
         {&state->grid, 2 * sizeof(uint32_t) * chiaro_grids_words(state->capacity), word},
     };
-    for (uint32_t i = 0; i < OBJECT_TEXELS; i++)
+    const uint32_t count = sizeof wanted / sizeof *wanted;
+    for (uint32_t i = 0; i < count; i++)
         *wanted[i].buffer = chiaro_arena_buffer(context, arena, gi || i == 0 ? wanted[i].size : 16, texels, false, bytes);
     state->shape_buffer = chiaro_arena_buffer(context, arena, sizeof state->shape,
                                               VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | copied, false, bytes);
@@ -154,8 +155,9 @@ static ChiaroResult create_buffers(ChiaroVulkan *context, const ChiaroVulkanObje
     chiaro_arena_bind(context, arena);
     VkDescriptorPool pool = chiaro_pool_create(context, arena, 1, 0, 0, OBJECT_TEXELS, OBJECT_BINDINGS - OBJECT_TEXELS);
     state->set = chiaro_set_create(context, arena, pool, context->layouts.objects);
-    for (uint32_t i = 0; i < OBJECT_TEXELS; i++)
+    for (uint32_t i = 0; i < count; i++)
         chiaro_set_texels(context, arena, state->set, i, *wanted[i].buffer, wanted[i].format);
+    chiaro_set_texels(context, arena, state->set, count, state->grid, VK_FORMAT_R32G32_UINT);
     if (arena->result == CHIARO_OK)
         chiaro_set_buffer(context, state->set, OBJECT_TEXELS, state->shape_buffer, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER);
     return arena->result;
