@@ -64,9 +64,11 @@ static void print_figures(const SceneOptions *options, const Figure *figures, si
         options_fail(options, CHIARO_EXIT_INPUT, "standard output cannot be written");
 }
 
-static void print_info(const SceneOptions *options, const ChiaroTransport *t, size_t bytes, double seconds)
+static void print_info(const SceneOptions *options, const ChiaroTransport *t, const void *data, size_t bytes, double seconds)
 {
     const ChiaroTransportInfo *info = &t->info;
+    double origin[3];
+    (void)chiaro_transport_origin(data, bytes, origin); /* it was opened */
     const Figure figures[] = {
         {"bytes", (double)bytes},
         {"links", info->links},
@@ -90,6 +92,9 @@ static void print_info(const SceneOptions *options, const ChiaroTransport *t, si
         {"cameras", t->scene.camera_count},
         {"emitters", info->emitters},
         {"open_to_sky", info->sky_seen},
+        {"origin_x", origin[0]}, /* of what is baked, in the world of the file */
+        {"origin_y", origin[1]},
+        {"origin_z", origin[2]},
         {"patch_size", (double)info->patch_size},
         {"training_lights", info->training_lights},
         {"solver_sweeps", info->solver_sweeps},
@@ -135,7 +140,7 @@ static int show(const SceneOptions *options, bool check)
     if (check)
         print_check(options, &transport);
     else
-        print_info(options, &transport, file.size, 0);
+        print_info(options, &transport, file.data, file.size, 0);
     chiaro_io_unmap(&file);
     return CHIARO_EXIT_OK;
 }
@@ -156,6 +161,7 @@ static int bake(const SceneOptions *options, ChiaroBakeDesc *desc)
         fprintf(stderr, "%s: %s: albedo of %u materials clamped to %.2f\n", options->program, options->input,
                 read.clamped_materials, (double)CHIARO_MAX_ALBEDO);
     desc->clamped_materials = read.clamped_materials;
+    memcpy(desc->origin, read.origin, sizeof desc->origin);
     progress_begin(&progress, options->program, options->quiet || options->json);
     desc->progress = tell, desc->progress_user = &progress;
     ChiaroResult result = chiaro_bake(&read.scene, desc, &blob);
@@ -167,7 +173,7 @@ static int bake(const SceneOptions *options, ChiaroBakeDesc *desc)
         return CHIARO_EXIT_INPUT;
     if (!chiaro_io_write_file(options->output, blob.data, blob.size, &error))
         options_fail(options, CHIARO_EXIT_INPUT, "%s", error.message);
-    print_info(options, &transport, blob.size, seconds);
+    print_info(options, &transport, blob.data, blob.size, seconds);
     chiaro_blob_free(&blob);
     return CHIARO_EXIT_OK;
 }

@@ -121,7 +121,7 @@ static void bench_baselines(Bench *bench)
     baked_open(&bench->options, &desc, &baked);
     const ChiaroTransport *t = &baked.transport;
     float *irradiance = malloc(3 * (size_t)t->receiver_count * sizeof *irradiance);
-    if (!irradiance || !options_camera(&bench->options, &t->scene, &camera))
+    if (!irradiance || !options_camera(&bench->options, &t->scene, baked.read.origin, &camera))
         options_fail(&bench->options, CHIARO_EXIT_INPUT, "out of memory, or no camera");
     for (int kind = 0; kind < 3; kind++) {
         ChiaroIoImage picture;

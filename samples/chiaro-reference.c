@@ -123,6 +123,8 @@ static void open_input(const SceneOptions *options, const ChiaroLog *log, Input 
         options_fail(options, CHIARO_EXIT_INPUT, "%s", error.message);
     if (baked && chiaro_transport_open(input->file.data, input->file.size, &input->transport, log) != CHIARO_OK)
         exit(CHIARO_EXIT_INPUT); /* the log has said why */
+    if (baked)
+        (void)chiaro_transport_origin(input->file.data, input->file.size, input->read.origin); /* it was opened */
     const ChiaroScene *still = input->scene = baked ? &input->transport.scene : &input->read.scene;
     input->merged.first_object_part = still->part_count;
     objects_open(options, &input->read, &input->objects);
@@ -239,10 +241,10 @@ int main(int argc, char **argv)
 
     ChiaroReferenceDesc desc = {.width = options->width, .height = options->height, .spp = job.spp, .depth = job.depth,
                                 .seed = (uint32_t)options->seed, .threads = (uint32_t)options->threads};
-    if (!options_camera(options, input.scene, &desc.camera) || !options_sky(options, &sky))
+    if (!options_camera(options, input.scene, input.read.origin, &desc.camera) || !options_sky(options, &sky))
         return CHIARO_EXIT_INPUT;
     uint32_t light_count;
-    ChiaroLight *lights = options_lights(options, input.scene, &light_count);
+    ChiaroLight *lights = options_lights(options, input.scene, input.read.origin, &light_count);
     ChiaroReference *reference;
     ChiaroResult result = chiaro_reference_create(input.scene, lights, light_count, sky.radiance ? &sky : NULL, &log,
                                                   &reference);

@@ -429,7 +429,7 @@ static void options_say_what_was_asked_for(void **state)
     assert_true(o->json && !o->quiet && o->has_view && o->no_scene_lights);
     assert_int_equal(o->light_count, 2);
     assert_int_equal(o->lights[0].type, CHIARO_LIGHT_POINT);
-    assert_true(fabsf(o->lights[0].position[2] - 3) < 1e-6f && fabsf(o->lights[0].intensity[0] - 4) < 1e-6f);
+    assert_true(fabs(o->light_places[0][2] - 3) < 1e-6 && fabsf(o->lights[0].intensity[0] - 4) < 1e-6f);
     assert_int_equal(o->lights[1].type, CHIARO_LIGHT_SUN);
     assert_true(fabsf(o->lights[1].direction[1] + 1) < 1e-6f); /* From a sun that stands above, down. */
     take(&taken, "in.glb");
@@ -453,6 +453,9 @@ static void wrong_options_end_with_the_status_for_usage(void **state)
     assert_int_equal(exit_status("in.glb"), 42);
 }
 
+/* Of scenes here: where their file's world has it. */
+static const double middle[3] = {0, 0, 0};
+
 static void cameras_are_found_by_name_and_number(void **state)
 {
     const ChiaroVertex corners[2] = {{.position = {-1, -1, -1}}, {.position = {1, 1, 1}}};
@@ -464,25 +467,25 @@ static void cameras_are_found_by_name_and_number(void **state)
     Taken taken;
     SceneOptions *options = take(&taken, "x");
     (void)state;
-    assert_true(options_camera(options, &scene, &camera));
+    assert_true(options_camera(options, &scene, middle, &camera));
     assert_string_equal(camera.name, "a");
     options->camera = "b";
-    assert_true(options_camera(options, &scene, &camera));
+    assert_true(options_camera(options, &scene, middle, &camera));
     assert_string_equal(camera.name, "b");
     options->camera = "1";
     options->fov = 90;
-    assert_true(options_camera(options, &scene, &camera));
+    assert_true(options_camera(options, &scene, middle, &camera));
     assert_string_equal(camera.name, "b");
     assert_true(fabsf(camera.yfov - 1.5707963f) < 1e-5f);
     options = take(&taken, "x --eye 0,0,5 --target 0,0,0");
-    assert_true(options_camera(options, &scene, &camera));
+    assert_true(options_camera(options, &scene, middle, &camera));
     assert_true(fabsf(camera.forward[2] + 1) < 1e-6f && fabsf(camera.up[1] - 1) < 1e-6f);
     options = take(&taken, "x --eye 0,5,0 --target 0,0,0"); /* Straight down: up has to be something else. */
-    assert_true(options_camera(options, &scene, &camera));
+    assert_true(options_camera(options, &scene, middle, &camera));
     assert_true(fabsf(camera.forward[1] + 1) < 1e-6f && fabsf(camera.up[2] + 1) < 1e-6f);
     /* No camera: all of the scene is in front of it. */
     options = take(&taken, "x");
-    assert_true(options_camera(options, &bare, &camera));
+    assert_true(options_camera(options, &bare, middle, &camera));
     for (int i = 0; i < 2; i++) {
         float along = 0;
         for (int d = 0; d < 3; d++)
@@ -499,13 +502,33 @@ static void lights_of_scene_and_options_add_up(void **state)
     Taken taken;
     (void)state;
     SceneOptions *options = take(&taken, "x --light 1,2,3,4,5,6");
-    ChiaroLight *lights = options_lights(options, &scene, &count);
+    ChiaroLight *lights = options_lights(options, &scene, middle, &count);
     assert_int_equal(count, 2);
     assert_true(fabsf(lights[1].intensity[2] - 6) < 1e-6f);
     free(lights);
     options->no_scene_lights = true;
-    lights = options_lights(options, &scene, &count);
+    lights = options_lights(options, &scene, middle, &count);
     assert_int_equal(count, 1);
+    free(lights);
+}
+
+/* Places of the command line are the file's; a scene that was read near its own origin has others. */
+static void places_are_those_of_the_file(void **state)
+{
+    const double far[3] = {1e6, -2e6, 0};
+    const ChiaroScene scene = {.vertex_count = 0};
+    ChiaroCamera camera;
+    uint32_t count;
+    Taken taken;
+    (void)state;
+    SceneOptions *options = take(&taken, "x --light 1000001.125,-1999998,3,4,5,6 --sun 0,2,0,1,1,1 "
+                                         "--eye 1000000.25,-2000000,5 --target 1000000.25,-2000000,0");
+    assert_true(options_camera(options, &scene, far, &camera));
+    assert_true(camera.eye[0] == 0.25f && camera.eye[1] == 0 && camera.eye[2] == 5);
+    ChiaroLight *lights = options_lights(options, &scene, far, &count);
+    assert_int_equal(count, 2);
+    assert_true(lights[0].position[0] == 1.125f && lights[0].position[1] == 2 && lights[0].position[2] == 3);
+    assert_true(lights[1].direction[1] == -1 && lights[1].position[0] == 0);
     free(lights);
 }
 
@@ -557,6 +580,7 @@ int main(void)
         cmocka_unit_test(wrong_options_end_with_the_status_for_usage),
         cmocka_unit_test(cameras_are_found_by_name_and_number),
         cmocka_unit_test(lights_of_scene_and_options_add_up),
+        cmocka_unit_test(places_are_those_of_the_file),
         cmocka_unit_test(skies_are_a_colour_or_a_picture),
     };
     return cmocka_run_group_tests(tests, make_folder, NULL);

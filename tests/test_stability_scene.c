@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "common/bake.h"
+#include "common/glb.h"
 #include "common/table.h"
 
 /* Counts how often the log says that a place is far away. */
@@ -103,6 +104,91 @@ static void size_and_place_do_not_matter(void **state)
         close_bake(&bake);
     }
     close_bake(&unit);
+    table_end(&table);
+}
+
+/* A file whose root node lies somewhere: a room without floor, a lamp, a camera. */
+static ChiaroIoScene read_at(const double place[3])
+{
+    Mesh mesh = mesh_room(0.7f, 0);
+    Binary binary = {.size = 0};
+    char json[4096];
+    ChiaroIoScene read;
+    ChiaroIoError error;
+    for (uint32_t i = 6; i < mesh.scene.index_count; i++)
+        put(&binary, mesh.scene.vertices[mesh.scene.indices[i]].position, 3 * sizeof(float));
+    uint32_t count = mesh.scene.index_count - 6;
+    mesh_end(&mesh);
+    snprintf(json, sizeof json,
+             "{'asset':{'version':'2.0'},'scene':0,'scenes':[{'nodes':[0]}],'extensionsUsed':['KHR_lights_punctual'],"
+             "'extensions':{'KHR_lights_punctual':{'lights':[{'type':'point','intensity':3}]}},"
+             "'cameras':[{'type':'perspective','perspective':{'yfov':1,'znear':0.1}}],"
+             "'nodes':[{'children':[1,2],'translation':[%.17g,%.17g,%.17g]},{'mesh':0,'scale':[1.3,1.3,1.3]},"
+             "{'camera':0,'translation':[1.1,1.2,2.3],'extensions':{'KHR_lights_punctual':{'light':0}}}],"
+             "'meshes':[{'primitives':[{'attributes':{'POSITION':0}}]}],"
+             "'bufferViews':[{'buffer':0,'byteLength':%u}],'accessors':[{'bufferView':0,'componentType':5126,"
+             "'count':%u,'type':'VEC3','min':[0,0,0],'max':[3,2,4]}],'buffers':[{'byteLength':%u}]}",
+             place[0], place[1], place[2], binary.size, count, binary.size);
+    write_glb(OUT "far.glb", json, &binary);
+    if (!chiaro_io_read_gltf(OUT "far.glb", &read, &error))
+        fail_msg("%s", error.message);
+    return read;
+}
+
+/* What is far away in a file is read near the origin: nothing of its shape is lost, and what is drawn of it is the same. */
+static void a_file_may_lie_anywhere(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *name;
+        double place[3], moved, lost; /* m: what is known to be rounded, at most */
+    } cases[] = {{"16 m", {16, -8, 0}, 0, 2e-6},
+                 {"100 m", {64, -128, 100}, 1, 2e-6},
+                 {"1e6 m, by whole steps", {1e6, -2e6, 5e5}, 1, 0},
+                 {"1e6 m", {1e6 + 0.3, 12.7, -1e6 + 0.1}, 1, 2e-6},
+                 {"1e9 m", {3e9, -1e9, 7e8}, 1, 2e-6}};
+    const double home[3] = {0, 0, 0};
+    ChiaroBakeDesc desc = {.struct_size = sizeof desc, .samples = 256, .rays = 1024, .receivers = 120, .links = 64,
+                           .threads = 2, .seed = 1};
+    Table table = table_begin("scenes: files that lie far away");
+    ChiaroIoScene near = read_at(home);
+    Bake unmoved = open_scene_bake(&near.scene, &desc);
+    assert_true(near.origin[0] == 0 && near.origin[1] == 0 && near.origin[2] == 0);
+    must_light_up(&unmoved, near.scene.lights, 1, NULL);
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        char name[96];
+        double most = 0, wrong = 0, size = 0, origin[3];
+        ChiaroIoScene far = read_at(cases[k].place);
+        assert_int_equal(far.scene.vertex_count, near.scene.vertex_count);
+        assert_int_equal(far.origin[0] != 0, cases[k].moved);
+        for (uint32_t c = 0; c < 3; c++) {
+            double shift = cases[k].place[c] - far.origin[c];
+            for (uint32_t v = 0; v < far.scene.vertex_count; v++)
+                most = fmax(most, fabs((double)far.scene.vertices[v].position[c] - shift -
+                                       (double)near.scene.vertices[v].position[c]));
+            most = fmax(most, fabs((double)(far.scene.lights->position[c] - near.scene.lights->position[c]) - shift));
+            most = fmax(most, fabs((double)(far.scene.cameras->eye[c] - near.scene.cameras->eye[c]) - shift));
+        }
+        snprintf(name, sizeof name, "%s: places, m", cases[k].name);
+        table_most(&table, name, most, cases[k].lost);
+        memcpy(desc.origin, far.origin, sizeof desc.origin);
+        Bake bake = open_scene_bake(&far.scene, &desc);
+        must_light_up(&bake, far.scene.lights, 1, NULL);
+        assert_int_equal(chiaro_transport_origin(bake.blob.data, bake.blob.size, origin), CHIARO_OK);
+        assert_memory_equal(origin, far.origin, sizeof origin);
+        snprintf(name, sizeof name, "%s: receivers", cases[k].name);
+        table_near(&table, name, unmoved.transport.receiver_count, bake.transport.receiver_count, 0);
+        for (size_t i = 0; i < bake.count && bake.count == unmoved.count; i++) {
+            double d = (double)bake.irradiance[i] - (double)unmoved.irradiance[i];
+            wrong += d * d, size += (double)unmoved.irradiance[i] * (double)unmoved.irradiance[i];
+        }
+        snprintf(name, sizeof name, "%s: light", cases[k].name);
+        table_most(&table, name, sqrt(wrong / size), 1e-3);
+        close_bake(&bake);
+        chiaro_io_free_scene(&far);
+    }
+    close_bake(&unmoved);
+    chiaro_io_free_scene(&near);
     table_end(&table);
 }
 
@@ -269,6 +355,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(size_and_place_do_not_matter),
         cmocka_unit_test(triangles_that_should_not_be),
+        cmocka_unit_test(a_file_may_lie_anywhere),
         cmocka_unit_test(an_object_of_a_million_triangles),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

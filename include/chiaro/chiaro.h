@@ -380,6 +380,13 @@ typedef struct ChiaroTransport {
 CHIARO_API ChiaroResult chiaro_transport_open(const void *data, size_t size, ChiaroTransport *transport,
                                               const ChiaroLog *log);
 
+/** Where the origin of a bake's coordinates lies in the world of whoever made the scene: not zero where that is so far away
+ * that floats would not tell its places apart. What is drawn or lit with it has to be moved by as much.
+ * @param data the bytes, as of chiaro_transport_open(). @param size their number. @param origin receives x, y, z, m.
+ * @errors CHIARO_ERROR_ARGUMENT, CHIARO_ERROR_DATA, CHIARO_ERROR_VERSION; then `origin` is untouched.
+ * @thread_safety any thread. */
+CHIARO_API ChiaroResult chiaro_transport_origin(const void *data, size_t size, double origin[3]);
+
 /** True where a straight line is free: the host's shadow test. `index` numbers the point that asks.
  * A `light` is the one passed in; `point` lies on the surface, `normal` is its unit normal. */
 typedef bool (*ChiaroVisibleFunc)(const ChiaroLight *light, const float point[3], const float normal[3], void *user);

@@ -38,6 +38,7 @@ typedef struct ChiaroBakeDesc {
     ChiaroProgressFunc progress;
     void *progress_user;
     ChiaroLog log;
+    double origin[3];     /**< Of the scene's coordinates in the host's world, m: kept for chiaro_transport_origin(). */
 } ChiaroBakeDesc;
 
 /** A block of bytes that the library allocated; release with chiaro_blob_free(). */

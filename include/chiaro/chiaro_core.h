@@ -71,6 +71,8 @@ typedef struct ChiaroCoreApi {
     void (*kernel_begin)(ChiaroKernel *kernel, ChiaroBudget budget, uint32_t spent);
     uint32_t (*kernel_next)(ChiaroKernel *kernel, uint32_t *units);
     ChiaroResult (*kernel_stats)(const ChiaroKernel *kernel, ChiaroKernelStats *stats);
+
+    ChiaroResult (*transport_origin)(const void *data, size_t size, double origin[3]);
 } ChiaroCoreApi;
 
 #ifdef __cplusplus

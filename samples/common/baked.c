@@ -125,6 +125,7 @@ void baked_open(const SceneOptions *options, const ChiaroBakeDesc *desc, BakedSc
             options_fail(options, CHIARO_EXIT_INPUT, "%s", error.message);
         if (chiaro_transport_open(scene->file.data, scene->file.size, &scene->transport, &log) != CHIARO_OK)
             exit(CHIARO_EXIT_INPUT); /* the log has said why */
+        (void)chiaro_transport_origin(scene->file.data, scene->file.size, scene->read.origin); /* it was opened */
         return;
     }
     const ChiaroScene *still = &scene->read.scene;

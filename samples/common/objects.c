@@ -17,11 +17,13 @@ static void place(const float position[3], float degrees, float transform[16])
 static void place_object(const SceneOptions *options, SceneObjects *objects, const PlacedObject *placed)
 {
     bool found = false;
+    float position[3];
+    options_place(placed->position, objects->file->origin, position);
     for (uint32_t i = 0; i < objects->count; i++) {
         if (strcmp(objects->list[i].name, placed->name) != 0)
             continue;
         objects->list[i].placed = found = true;
-        place(placed->position, placed->value, objects->list[i].transform);
+        place(position, placed->value, objects->list[i].transform);
     }
     if (!found)
         options_fail(options, CHIARO_EXIT_INPUT, "%s: no object is called '%s'", options->input, placed->name);
@@ -41,7 +43,9 @@ void objects_open(const SceneOptions *options, const ChiaroIoScene *file, SceneO
         if (!scenes_make_shape(added->name, added->value, &objects->added[i]))
             options_fail(options, CHIARO_EXIT_INPUT, "out of memory");
         *object = (SceneObject){.name = added->name, .scene = &objects->added[i].scene, .placed = true};
-        place(added->position, 0, object->transform);
+        float position[3];
+        options_place(added->position, file->origin, position);
+        place(position, 0, object->transform);
     }
     for (uint32_t i = 0; i < options->placed_count; i++)
         place_object(options, objects, &options->placed[i]);

@@ -61,12 +61,12 @@ const char *options_text(const SceneOptions *options, int argc, char **argv, int
 }
 
 /* `count` finite numbers with commas between them and nothing else. */
-static bool parse_floats(const char *text, float *values, int count)
+static bool parse_numbers(const char *text, double *values, int count)
 {
     for (int i = 0; i < count; i++) {
         char *end;
-        values[i] = strtof(text, &end);
-        if (end == text || !isfinite(values[i]) || *end != (i + 1 < count ? ',' : '\0'))
+        values[i] = strtod(text, &end);
+        if (end == text || !(fabs(values[i]) <= (double)FLT_MAX) || *end != (i + 1 < count ? ',' : '\0'))
             return false;
         text = end + 1;
     }
@@ -87,17 +87,19 @@ uint32_t options_uint(const SceneOptions *options, int argc, char **argv, int *i
 float options_float(const SceneOptions *options, int argc, char **argv, int *index, float low, float high)
 {
     const char *name = argv[*index], *text = options_text(options, argc, argv, index);
-    float value;
-    if (!parse_floats(text, &value, 1) || value < low || value > high)
+    double number;
+    bool good = parse_numbers(text, &number, 1);
+    float value = good ? (float)number : 0;
+    if (!good || value < low || value > high)
         options_fail(options, CHIARO_EXIT_USAGE, "%s wants a number from %g to %g, not '%s'", name, (double)low,
                      (double)high, text);
     return value;
 }
 
-static void take_floats(const SceneOptions *options, int argc, char **argv, int *index, float *values, int count)
+static void take_numbers(const SceneOptions *options, int argc, char **argv, int *index, double *values, int count)
 {
     const char *name = argv[*index], *text = options_text(options, argc, argv, index);
-    if (!parse_floats(text, values, count))
+    if (!parse_numbers(text, values, count))
         options_fail(options, CHIARO_EXIT_USAGE, "%s wants %d numbers with commas, not '%s'", name, count, text);
 }
 
@@ -125,24 +127,23 @@ static void require_partner(const SceneOptions *options, int argc, char **argv, 
 
 static void take_light(SceneOptions *options, int argc, char **argv, int *index, bool sun)
 {
-    float v[6];
+    double v[6];
     const char *name = argv[*index];
-    take_floats(options, argc, argv, index, v, 6);
+    take_numbers(options, argc, argv, index, v, 6);
     if (options->light_count == sizeof options->lights / sizeof *options->lights)
         options_fail(options, CHIARO_EXIT_USAGE, "more than %u lights", options->light_count);
     if (v[3] < 0 || v[4] < 0 || v[5] < 0)
         options_fail(options, CHIARO_EXIT_USAGE, "%s has a negative intensity", name);
     ChiaroLight light = {.type = sun ? CHIARO_LIGHT_SUN : CHIARO_LIGHT_POINT, .direction = {0, -1, 0},
-                         .intensity = {v[3], v[4], v[5]}};
+                         .intensity = {(float)v[3], (float)v[4], (float)v[5]}};
     if (!sun) {
-        memcpy(light.position, v, sizeof light.position);
+        memcpy(options->light_places[options->light_count], v, sizeof options->light_places[0]);
     } else {
-        /* By the largest component first: the square of a float may not fit into one. */
-        float largest = fmaxf(fabsf(v[0]), fmaxf(fabsf(v[1]), fabsf(v[2])));
-        if (largest == 0)
+        double size = hypot(hypot(v[0], v[1]), v[2]);
+        if (!(size > 0))
             options_fail(options, CHIARO_EXIT_USAGE, "--sun has no direction");
-        Vec3 toward = vec3_normalize(vec3(v[0] / largest, v[1] / largest, v[2] / largest));
-        vec3_store(light.direction, vec3_scale(toward, -1));
+        for (uint32_t c = 0; c < 3; c++)
+            light.direction[c] = (float)(-v[c] / size);
     }
     options->lights[options->light_count++] = light;
 }
@@ -151,13 +152,13 @@ static void take_light(SceneOptions *options, int argc, char **argv, int *index,
 static PlacedObject take_object(const SceneOptions *options, int argc, char **argv, int *index, float otherwise)
 {
     const char *option = argv[*index], *text = options_text(options, argc, argv, index), *comma = strchr(text, ',');
-    float v[4] = {0, 0, 0, otherwise};
-    bool named = comma && comma > text, good = named && parse_floats(comma + 1, v, 4);
+    double v[4] = {0, 0, 0, (double)otherwise};
+    bool named = comma && comma > text, good = named && parse_numbers(comma + 1, v, 4);
     if (!good && named && !isnan(otherwise)) {
-        v[3] = otherwise;
-        good = parse_floats(comma + 1, v, 3);
+        v[3] = (double)otherwise;
+        good = parse_numbers(comma + 1, v, 3);
     }
-    PlacedObject object = {.position = {v[0], v[1], v[2]}, .value = v[3]};
+    PlacedObject object = {.position = {v[0], v[1], v[2]}, .value = (float)v[3]};
     if (!good || (size_t)(comma - text) >= sizeof object.name)
         options_fail(options, CHIARO_EXIT_USAGE, "%s wants a name and %s numbers with commas, not '%s'", option,
                      isnan(otherwise) ? "4" : "3 or 4", text);
@@ -208,11 +209,11 @@ bool options_take(SceneOptions *options, int argc, char **argv, int *index)
         options->camera = options_text(options, argc, argv, index);
     } else if (strcmp(word, "--eye") == 0) {
         require_partner(options, argc, argv, "--eye", "--target");
-        take_floats(options, argc, argv, index, options->eye, 3);
+        take_numbers(options, argc, argv, index, options->eye, 3);
         options->has_view = true;
     } else if (strcmp(word, "--target") == 0) {
         require_partner(options, argc, argv, "--target", "--eye");
-        take_floats(options, argc, argv, index, options->target, 3);
+        take_numbers(options, argc, argv, index, options->target, 3);
         options->has_view = true;
     } else if (strcmp(word, "--fov") == 0) {
         options->fov = options_float(options, argc, argv, index, 1, 179);
@@ -288,7 +289,13 @@ static void report_missing_camera(const SceneOptions *options, const ChiaroScene
     fprintf(stderr, "%s\n", scene->camera_count ? "" : " none");
 }
 
-bool options_camera(const SceneOptions *options, const ChiaroScene *scene, ChiaroCamera *camera)
+void options_place(const double place[3], const double origin[3], float in_scene[3])
+{
+    for (uint32_t c = 0; c < 3; c++)
+        in_scene[c] = (float)(place[c] - origin[c]);
+}
+
+bool options_camera(const SceneOptions *options, const ChiaroScene *scene, const double origin[3], ChiaroCamera *camera)
 {
     const float degree = CHIARO_PI / 180;
     Vec3 center;
@@ -297,7 +304,10 @@ bool options_camera(const SceneOptions *options, const ChiaroScene *scene, Chiar
     if (options->fov > 0)
         camera->yfov = options->fov * degree;
     if (options->has_view) {
-        if (view_look_at(camera, vec3_load(options->eye), vec3_load(options->target)))
+        float eye[3], target[3];
+        options_place(options->eye, origin, eye);
+        options_place(options->target, origin, target);
+        if (view_look_at(camera, vec3_load(eye), vec3_load(target)))
             return true;
         fprintf(stderr, "%s: --eye and --target leave no direction to look\n", options->program);
         return false;
@@ -318,7 +328,7 @@ bool options_camera(const SceneOptions *options, const ChiaroScene *scene, Chiar
     return view_look_at(camera, vec3_mad(center, toward, radius / sinf(camera->yfov / 2)), center);
 }
 
-ChiaroLight *options_lights(const SceneOptions *options, const ChiaroScene *scene, uint32_t *count)
+ChiaroLight *options_lights(const SceneOptions *options, const ChiaroScene *scene, const double origin[3], uint32_t *count)
 {
     uint32_t from_scene = options->no_scene_lights ? 0 : scene->light_count;
     ChiaroLight *lights = calloc((size_t)from_scene + options->light_count + 1, sizeof *lights);
@@ -326,7 +336,12 @@ ChiaroLight *options_lights(const SceneOptions *options, const ChiaroScene *scen
         options_fail(options, CHIARO_EXIT_INPUT, "out of memory");
     if (from_scene)
         memcpy(lights, scene->lights, from_scene * sizeof *lights);
-    memcpy(lights + from_scene, options->lights, options->light_count * sizeof *lights);
+    for (uint32_t i = 0; i < options->light_count; i++) {
+        ChiaroLight *light = &lights[from_scene + i];
+        *light = options->lights[i];
+        if (light->type != CHIARO_LIGHT_SUN)
+            options_place(options->light_places[i], origin, light->position);
+    }
     *count = from_scene + options->light_count;
     return lights;
 }
@@ -371,20 +386,21 @@ static bool load_sky(const SceneOptions *options, ChiaroSky *sky)
 
 bool options_sky(const SceneOptions *options, ChiaroSky *sky)
 {
-    float uniform[3];
+    double uniform[3];
     *sky = (ChiaroSky){0};
     if (!options->sky)
         return true;
-    if (!parse_floats(options->sky, uniform, 3))
+    if (!parse_numbers(options->sky, uniform, 3))
         return load_sky(options, sky);
     if (uniform[0] < 0 || uniform[1] < 0 || uniform[2] < 0) {
         fprintf(stderr, "%s: --sky has a negative radiance\n", options->program);
         return false;
     }
-    float *radiance = malloc(sizeof uniform);
+    float *radiance = malloc(3 * sizeof *radiance);
     if (!radiance)
         options_fail(options, CHIARO_EXIT_INPUT, "out of memory");
-    memcpy(radiance, uniform, sizeof uniform);
+    for (uint32_t c = 0; c < 3; c++)
+        radiance[c] = (float)uniform[c];
     *sky = (ChiaroSky){1, 1, radiance};
     return true;
 }

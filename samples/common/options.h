@@ -12,7 +12,7 @@ enum { MAX_DYNAMIC = 16, MAX_PLACED = 64, MAX_ADDED = 64 };
 /* An object that stands where the options put it. */
 typedef struct PlacedObject {
     char name[CHIARO_NAME_SIZE]; /* --object: of one of the scene's. --add: "box" or "sphere" */
-    float position[3];
+    double position[3];          /* in the world of the file, as all places here */
     float value; /* --object: turn about +Y, degrees. --add: edge or diameter, m */
 } PlacedObject;
 
@@ -24,10 +24,12 @@ typedef struct SceneOptions {
     const char *sky;             /* FILE.exr or r,g,b; NULL: none */
     const char *camera;          /* name or number; NULL: the first */
     bool has_view;               /* --eye, --target, --fov */
-    float eye[3], target[3], fov;
+    double eye[3], target[3];
+    float fov;
     uint32_t width, height;
     uint32_t light_count; /* --light and --sun, added to the file's lights */
-    ChiaroLight lights[64];
+    ChiaroLight lights[64]; /* without their places */
+    double light_places[64][3];
     bool no_scene_lights; /* --no-scene-lights: only those of the command line */
     const char *dynamic[MAX_DYNAMIC]; /* --dynamic: nodes that are objects */
     uint32_t dynamic_count, placed_count, added_count;
@@ -51,11 +53,15 @@ _Noreturn void options_fail(const SceneOptions *options, int status, const char 
     __attribute__((format(printf, 3, 4)));
 
 /* The camera of a scene that the options choose: --eye/--target/--fov, else --camera, else the scene's first, else one
- * that looks at the whole of `bounds`. False (message printed) if a named camera does not exist. */
-bool options_camera(const SceneOptions *options, const ChiaroScene *scene, ChiaroCamera *camera);
+ * that looks at the whole of `bounds`. False (message printed) if a named camera does not exist. `origin`: of the scene's
+ * coordinates in the world of its file. */
+bool options_camera(const SceneOptions *options, const ChiaroScene *scene, const double origin[3], ChiaroCamera *camera);
 
 /* All lights: the scene's (unless --no-scene-lights) and the options'. The caller frees the array. */
-ChiaroLight *options_lights(const SceneOptions *options, const ChiaroScene *scene, uint32_t *count);
+ChiaroLight *options_lights(const SceneOptions *options, const ChiaroScene *scene, const double origin[3], uint32_t *count);
+
+/* A place of the options in the scene's coordinates. */
+void options_place(const double place[3], const double origin[3], float in_scene[3]);
 
 /* The sky of the options: false (message printed) if its file cannot be used; sky->radiance is NULL if there is none.
  * The caller frees sky->radiance. */

@@ -448,9 +448,9 @@ void report_scene(Report *report, ReportScene *scene)
     Bench bench = {.report = report, .scene = scene, .frames = report->quick ? 30 : 100};
     if (!chiaro_io_read_gltf_dynamic(scene->input, options->dynamic, options->dynamic_count, &scene->read, &error))
         options_fail(options, CHIARO_EXIT_INPUT, "%s", error.message);
-    if (!options_camera(options, &scene->read.scene, &scene->camera))
+    if (!options_camera(options, &scene->read.scene, scene->read.origin, &scene->camera))
         exit(CHIARO_EXIT_INPUT);
-    scene->lights = options_lights(options, &scene->read.scene, &scene->light_count);
+    scene->lights = options_lights(options, &scene->read.scene, scene->read.origin, &scene->light_count);
     bench.moved = report_alloc(report, scene->light_count, sizeof *bench.moved);
     if (chiaro_rays_create(&scene->read.scene, NULL, &rays) != CHIARO_OK)
         options_fail(options, CHIARO_EXIT_INPUT, "%s: the scene cannot be used", scene->input);

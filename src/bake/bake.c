@@ -42,9 +42,9 @@ static ChiaroResult resolve(Baker *baker, const ChiaroBakeDesc *desc)
     bool sane = d->links <= CHIARO_MAX_LINKS && d->rays <= CHIARO_MAX_RAYS && d->threads <= 1024 &&
                 (d->rays == 0 || d->rays >= 16) &&
                 (d->samples == 0 || (d->samples >= CHIARO_MIN_SAMPLES && d->samples <= CHIARO_MAX_SAMPLES)) &&
-                d->receivers <= 1u << 24;
+                d->receivers <= 1u << 24 && isfinite(d->origin[0]) && isfinite(d->origin[1]) && isfinite(d->origin[2]);
     if (!sane)
-        chiaro_log_write(&d->log, CHIARO_LOG_ERROR, CHIARO_LOG_ARGUMENT_INVALID, "links, samples, rays or threads");
+        chiaro_log_write(&d->log, CHIARO_LOG_ERROR, CHIARO_LOG_ARGUMENT_INVALID, "links, samples, rays, threads or origin");
     return sane ? CHIARO_OK : CHIARO_ERROR_ARGUMENT;
 }
 

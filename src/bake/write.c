@@ -67,6 +67,7 @@ ChiaroResult chiaro_bake_write(Baker *baker, ChiaroBlob *blob)
     ChiaroFileHeader header;
     memset(&header, 0, sizeof header); /* what lies between its members is written too */
     header.info = baker->info;
+    memcpy(header.origin, baker->desc.origin, sizeof header.origin);
     chiaro_file_arrays(&t, arrays);
     chiaro_file_store_counts(&t, header.counts);
     header.start.version = CHIARO_FILE_VERSION;

@@ -49,4 +49,5 @@ const ChiaroCoreApi chiaro_core_table = {
     .kernel_begin = chiaro_kernel_begin,
     .kernel_next = chiaro_kernel_next,
     .kernel_stats = chiaro_kernel_stats,
+    .transport_origin = chiaro_transport_origin,
 };

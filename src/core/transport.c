@@ -292,3 +292,19 @@ ChiaroResult chiaro_transport_open(const void *data, size_t size, ChiaroTranspor
     *transport = t;
     return CHIARO_OK;
 }
+
+ChiaroResult chiaro_transport_origin(const void *data, size_t size, double origin[3])
+{
+    const ChiaroFileHeader *header = data;
+    if (!data || !origin || (uintptr_t)data % 16 != 0)
+        return CHIARO_ERROR_ARGUMENT;
+    ChiaroResult result = chiaro_file_check(data, size, CHIARO_FILE_MAGIC, CHIARO_FILE_VERSION, sizeof *header, NULL);
+    if (result != CHIARO_OK)
+        return result;
+    for (int c = 0; c < 3; c++) {
+        if (!isfinite(header->origin[c]))
+            return CHIARO_ERROR_DATA;
+    }
+    memcpy(origin, header->origin, sizeof header->origin);
+    return CHIARO_OK;
+}

@@ -22,6 +22,7 @@ typedef struct ChiaroFileHeader {
     ChiaroFileStart start;
     uint64_t counts[CHIARO_FILE_COUNTS];
     ChiaroTransportInfo info;
+    double origin[3];
 } ChiaroFileHeader;
 
 /* One array of the block: where its pointer lives, and its bytes. */

@@ -78,36 +78,20 @@ public:
         image_pixels.resize(model.images.size(), {0, 0, 0});
     }
 
-    void run()
+    void run(double origin[3])
     {
-        std::vector<bool> seen(model.nodes.size());
-        std::vector<Visit> stack;
+        Bounds bounds;
+        walk(Transform(), [&](const tinygltf::Node &node, const Transform &, Visit *visit) {
+            bound_mesh(node, visit->world, &bounds);
+        });
+        const Vector at = bounds.near_origin();
+        origin[0] = at.x, origin[1] = at.y, origin[2] = at.z;
         channels_of = read_animations(model, &out.arrays);
-        for (int root : roots()) {
-            stack.emplace_back();
-            stack.back().node = root;
-        }
-        std::reverse(stack.begin(), stack.end());
-        while (!stack.empty()) {
-            Visit visit = stack.back();
-            stack.pop_back();
-            const tinygltf::Node &node = element(model.nodes, visit.node, "node");
-            if (seen[size_t(visit.node)])
-                fail("node %d has two parents or is its own ancestor", visit.node);
-            seen[size_t(visit.node)] = true;
-            Transform local = local_transform(node, visit.node), before = visit.below_joint;
-            visit.world = visit.world * local;
-            visit.below_joint = before * local;
-            if (!finite(visit.world.x) || !finite(visit.world.y) || !finite(visit.world.z) ||
-                !finite(visit.world.origin))
-                fail("node %d has a transform that is not finite", visit.node);
-            begin_object(node, before, &visit);
-            take_node(node, visit);
-            for (size_t i = node.children.size(); i > 0; i--) {
-                stack.push_back(visit);
-                stack.back().node = node.children[i - 1];
-            }
-        }
+        walk(Transform{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, at * -1},
+             [&](const tinygltf::Node &node, const Transform &before, Visit *visit) {
+                 begin_object(node, before, visit);
+                 take_node(node, *visit);
+             });
         for (size_t i = 0; i < names.size(); i++)
             if (!name_used[i])
                 fail("has no node named '%s'", names[i].c_str());
@@ -134,6 +118,55 @@ private:
         Transform into; /* From the world at rest to the object's space. */
         bool flat = false; /* There is no way back from the joint. */
     };
+
+    /* All nodes of the scene, parents first: take(node, its transform since the nearest joint above, visit). */
+    template <typename Take> void walk(const Transform &root_transform, Take take) const
+    {
+        std::vector<bool> seen(model.nodes.size());
+        std::vector<Visit> stack;
+        for (int root : roots()) {
+            stack.emplace_back();
+            stack.back().node = root;
+            stack.back().world = stack.back().below_joint = root_transform;
+        }
+        std::reverse(stack.begin(), stack.end());
+        while (!stack.empty()) {
+            Visit visit = stack.back();
+            stack.pop_back();
+            const tinygltf::Node &node = element(model.nodes, visit.node, "node");
+            if (seen[size_t(visit.node)])
+                fail("node %d has two parents or is its own ancestor", visit.node);
+            seen[size_t(visit.node)] = true;
+            Transform local = local_transform(node, visit.node), before = visit.below_joint;
+            visit.world = visit.world * local;
+            visit.below_joint = before * local;
+            if (!finite(visit.world.x) || !finite(visit.world.y) || !finite(visit.world.z) ||
+                !finite(visit.world.origin))
+                fail("node %d has a transform that is not finite", visit.node);
+            take(node, before, &visit);
+            for (size_t i = node.children.size(); i > 0; i--) {
+                stack.push_back(visit);
+                stack.back().node = node.children[i - 1];
+            }
+        }
+    }
+
+    /* By what the file says of its positions: it may be wrong, then the scene lies where it lies. */
+    void bound_mesh(const tinygltf::Node &node, const Transform &world, Bounds *bounds) const
+    {
+        if (node.mesh == -1)
+            return;
+        for (const tinygltf::Primitive &primitive : element(model.meshes, node.mesh, "mesh").primitives) {
+            auto position = primitive.attributes.find("POSITION");
+            if (position == primitive.attributes.end())
+                continue;
+            const tinygltf::Accessor &accessor = element(model.accessors, position->second, "accessor");
+            const std::vector<double> &low = accessor.minValues, &high = accessor.maxValues;
+            for (int corner = 0; corner < 8 && low.size() == 3 && high.size() == 3; corner++)
+                bounds->grow(world.point({(corner & 1 ? high : low)[0], (corner & 2 ? high : low)[1],
+                                          (corner & 4 ? high : low)[2]}));
+        }
+    }
 
     const tinygltf::Model &model;
     Storage &out;
@@ -809,7 +842,8 @@ void import(const char *path, const ChiaroIoFile &file, const std::vector<std::s
     auto storage = std::make_unique<Storage>();
     parse(path, file, &model);
     Importer importer(model, dynamic, *storage);
-    importer.run();
+    double origin[3];
+    importer.run(origin);
     ChiaroScene flat = view_of(*storage, storage->still);
     flat.lights = storage->lights.data();
     flat.light_count = uint32_t(storage->lights.size());
@@ -827,6 +861,7 @@ void import(const char *path, const ChiaroIoFile &file, const std::vector<std::s
               uint32_t(storage->objects.size()),
               uint32_t(storage->joints.size()),
               uint32_t(storage->channels.size()),
+              {origin[0], origin[1], origin[2]},
               importer.clamped,
               importer.degenerate,
               nullptr};

@@ -5,6 +5,7 @@
 
 #include "gltf_access.h"
 
+#include <algorithm>
 #include <cfloat>
 #include <cmath>
 
@@ -68,6 +69,36 @@ struct Transform {
 };
 
 Transform operator*(const Transform &a, const Transform &b);
+
+/* A box about places. */
+struct Bounds {
+    Vector low{INFINITY, INFINITY, INFINITY}, high{-INFINITY, -INFINITY, -INFINITY};
+
+    void grow(Vector p)
+    {
+        if (!finite(p))
+            return;
+        low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+        high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+    }
+
+    /* Zero, where floats tell its places apart as finely as a bake does. Else about its middle, in steps of a power of two
+     * that is no less than its size: what differs only in where it lies is read alike, to the bit if by whole steps. */
+    Vector near_origin() const
+    {
+        Vector extent = high - low;
+        double size = std::max({extent.x, extent.y, extent.z});
+        double furthest = std::max({high.x, high.y, high.z, -low.x, -low.y, -low.z});
+        if (!(size > 0) || !(furthest * double(FLT_EPSILON) > coarse * size))
+            return {0, 0, 0};
+        double step = std::exp2(std::ceil(std::log2(size)));
+        return {step * std::nearbyint((low.x + high.x) / 2 / step), step * std::nearbyint((low.y + high.y) / 2 / step),
+                step * std::nearbyint((low.z + high.z) / 2 / step)};
+    }
+
+private:
+    static constexpr double coarse = 1.0 / (1 << 20); /* steps of a bake, of the size (chiaro_bake()) */
+};
 
 /* A node's own transform, checked: translation, rotation and scale where it has no matrix. */
 struct Local {

@@ -57,6 +57,8 @@ typedef struct ChiaroIoScene {
     const ChiaroIoJoint *joints;
     const ChiaroIoChannel *channels;
     uint32_t object_count, joint_count, channel_count;
+    double origin[3]; /* of all of this in the file's world, m. Not zero where the file's own is so far away that positions
+                       * would lie far apart: floats have no more than 24 bits */
     uint32_t clamped_materials;    /* albedo above CHIARO_MAX_ALBEDO, clamped */
     uint32_t degenerate_triangles; /* kept out */
     void *memory;

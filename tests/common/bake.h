@@ -17,16 +17,24 @@ typedef struct Bake {
     size_t count; /* floats of irradiance */
 } Bake;
 
-/* Bakes a mesh, which it takes over. */
-static inline Bake open_bake(const Mesh *mesh, const ChiaroBakeDesc *desc)
+/* Bakes a scene, which must stay. */
+static inline Bake open_scene_bake(const ChiaroScene *scene, const ChiaroBakeDesc *desc)
 {
-    Bake bake = {.mesh = *mesh};
-    assert_int_equal(chiaro_bake(&bake.mesh.scene, desc, &bake.blob), CHIARO_OK);
+    Bake bake = {.mesh = {.scene = {.vertex_count = 0}}};
+    assert_int_equal(chiaro_bake(scene, desc, &bake.blob), CHIARO_OK);
     assert_int_equal(chiaro_transport_open(bake.blob.data, bake.blob.size, &bake.transport, NULL), CHIARO_OK);
-    assert_int_equal(chiaro_rays_create(&bake.mesh.scene, NULL, &bake.rays), CHIARO_OK);
+    assert_int_equal(chiaro_rays_create(scene, NULL, &bake.rays), CHIARO_OK);
     bake.count = 3 * (size_t)bake.transport.receiver_count;
     bake.scratch = new_array(3 * ((size_t)bake.transport.node_count + bake.transport.sample_count), sizeof(float));
     bake.irradiance = new_array(bake.count, sizeof(float));
+    return bake;
+}
+
+/* Bakes a mesh, which it takes over. */
+static inline Bake open_bake(const Mesh *mesh, const ChiaroBakeDesc *desc)
+{
+    Bake bake = open_scene_bake(&mesh->scene, desc);
+    bake.mesh = *mesh;
     return bake;
 }
 
