@@ -14,42 +14,48 @@
 #include "common/glb.h"
 #include "common/made_scene.h"
 
-/* One channel and the file around it: a floor that stays, an arm with a hand on it, a ball of twice the size. */
+/* One channel and the file around it: a floor that stays, an arm with a hand on it, a ball of twice the size. All of it lies
+ * somewhere. */
 typedef struct Motion {
     const char *node, *path, *interpolation;
     uint32_t keys, value_count, width;
     const float *times, *values;
 } Motion;
 
-static Binary motion_file(const Motion *motion, char text[4096])
+static const double home[3] = {0, 0, 0};
+
+static Binary motion_file(const Motion *motion, const double place[3], char text[4096])
 {
     Binary binary = triangle_binary();
     uint32_t times = put(&binary, motion->times, motion->keys * sizeof(float));
     uint32_t values = put(&binary, motion->values, motion->value_count * motion->width * sizeof(float));
     snprintf(text, 4096,
-             "{'asset':{'version':'2.0'},'scene':0,'scenes':[{'nodes':[0,1,3]}],"
+             "{'asset':{'version':'2.0'},'scene':0,'scenes':[{'nodes':[4]}],"
              "'bufferViews':[{'buffer':0,'byteLength':36},{'buffer':0,'byteOffset':%u,'byteLength':%u},"
              "{'buffer':0,'byteOffset':%u,'byteLength':%u}],"
-             "'accessors':[{'bufferView':0,'componentType':5126,'count':3,'type':'VEC3'},"
+             "'accessors':[{'bufferView':0,'componentType':5126,'count':3,'type':'VEC3','min':[0,0,0],'max':[1,1,0]},"
              "{'bufferView':1,'componentType':5126,'count':%u,'type':'SCALAR'},"
              "{'bufferView':2,'componentType':5126,'count':%u,'type':'VEC%u'}]," MESH
              "'nodes':[{'mesh':0,'name':'floor'},{'name':'arm','translation':[1,0,0],'children':[2]},"
              "{'name':'hand','mesh':0,'translation':[2,0,0]},{'name':'ball','mesh':0,'scale':[2,2,2],"
-             "'translation':[0,5,0]}],"
+             "'translation':[0,5,0]},{'children':[0,1,3],'translation':[%.17g,%.17g,%.17g]}],"
              "'animations':[{'channels':[{'sampler':0,'target':{'node':%s,'path':'%s'}}],"
              "'samplers':[{'input':1,'output':2,'interpolation':'%s'}]}],'buffers':[{'byteLength':%%u}]}",
              times, (uint32_t)(motion->keys * sizeof(float)), values,
              (uint32_t)(motion->value_count * motion->width * sizeof(float)), motion->keys, motion->value_count,
-             motion->width, motion->node, motion->path, motion->interpolation);
+             motion->width, place[0], place[1], place[2], motion->node, motion->path,
+             motion->interpolation);
     return binary;
 }
 
-static ChiaroIoScene read_motion(const char *name, const Motion *motion)
+static ChiaroIoScene read_motion_at(const char *name, const Motion *motion, const double place[3])
 {
     char text[4096];
-    Binary binary = motion_file(motion, text);
+    Binary binary = motion_file(motion, place, text);
     return must_read(name, text, &binary);
 }
+
+static ChiaroIoScene read_motion(const char *name, const Motion *motion) { return read_motion_at(name, motion, home); }
 
 /* Where the first vertex of the only object is at a time. */
 static void assert_corner_at(const ChiaroIoScene *scene, double time, uint32_t corner, float x, float y, float z)
@@ -60,6 +66,19 @@ static void assert_corner_at(const ChiaroIoScene *scene, double time, uint32_t c
     for (int i = 0; i < 3; i++)
         place[i] = m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i];
     assert_vector(place, x, y, z);
+}
+
+static void what_moves_far_away_moves_alike(void **state)
+{
+    (void)state;
+    const float times[2] = {0, 2}, values[6] = {0, 5, 0, 10, 5, 1};
+    const Motion motion = {"3", "translation", "LINEAR", 2, 2, 3, times, values};
+    const double place[3] = {1e6, -3e6, 2e6};
+    ChiaroIoScene scene = read_motion_at("far", &motion, place);
+    assert_true(scene.origin[0] == 1e6 && scene.origin[1] == -3e6 && scene.origin[2] == 2e6);
+    assert_corner_at(&scene, 0, 0, 0, 5, 0);
+    assert_corner_at(&scene, 1, 0, 5, 5, 0.5f);
+    chiaro_io_free_scene(&scene);
 }
 
 static void a_cubic_spline_has_the_value_worked_by_hand(void **state)
@@ -195,7 +214,7 @@ static void faults_of_animations_are_named_in_one_line(void **state)
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         char text[4096];
-        Binary binary = motion_file(&cases[i].motion, text);
+        Binary binary = motion_file(&cases[i].motion, home, text);
         must_refuse("bad-animation", text, &binary, cases[i].fault);
     }
     /* What no transform depends on is no fault: weights of morphs, channels without a node. */
@@ -209,6 +228,7 @@ static void faults_of_animations_are_named_in_one_line(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_moves_far_away_moves_alike),
         cmocka_unit_test(a_cubic_spline_has_the_value_worked_by_hand),
         cmocka_unit_test(time_outside_the_keys_holds_the_ends),
         cmocka_unit_test(what_hangs_on_a_moving_node_moves_with_it),
