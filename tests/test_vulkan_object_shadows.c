@@ -57,6 +57,53 @@ static void load_play(Play *play, const MadeTransportDesc *desc, const Shape *sh
     assert_int_equal(play->stage.api->lights_set(play->stage.chiaro, lights, count), CHIARO_OK);
 }
 
+/* A picture in tiles, each through a projection that shows no more than it, is the picture: nothing that lies across the edge
+ * of a tile is taken to be beyond it. */
+static void no_edge_of_a_picture_hides_what_crosses_it(void **state)
+{
+    (void)state;
+    enum { TILES = 8, EDGE = SIZE / TILES };
+    static float whole[SIZE * SIZE * 4];
+    Shape shape = make_shape("sphere", 1);
+    const ChiaroLight sun = sun_light(vec3(-0.6f, -1, -0.3f), 3);
+    Play play = {.stage = open_stage((HostDesc){0}), .scene = floor_mesh()};
+    MadeTransportDesc desc = {.mesh_steps = 1, .sample_steps = 1, .points = 1, .links = 1};
+    ChiaroVulkanDraw *draw = &play.stage.draw;
+    create_context(&play.stage, NULL);
+    set_component(&play.stage, CHIARO_COMPONENT_PUNCTUAL, true);
+    load_play(&play, &desc, &shape, &sun, 1);
+    for (uint32_t k = 0; k < 4; k++) {
+        float transform[16];
+        moved_to(transform, vec3(1.1f * (float)k - 1.5f, 0.4f, 0.7f * (float)(k % 2)), 0.3f, 0.2f + 0.3f * (float)k);
+        add_object(&play, &shape.object, transform);
+    }
+    memcpy(whole, render(&play.stage), sizeof whole);
+    const ChiaroVulkanDraw all = *draw;
+    uint32_t different = 0, seen = 0;
+    for (uint32_t tile = 0; tile < TILES * TILES; tile++) {
+        const uint32_t at[2] = {tile % TILES, tile / TILES};
+        for (uint32_t column = 0; column < 4; column++) {
+            for (uint32_t axis = 0; axis < 2; axis++)
+                draw->projection[4 * column + axis] =
+                    TILES * all.projection[4 * column + axis] +
+                    ((float)TILES - 1 - 2 * (float)at[axis]) * all.projection[4 * column + 3];
+        }
+        draw->viewport = (VkViewport){(float)(at[0] * EDGE), (float)(at[1] * EDGE), EDGE, EDGE, 0, 1};
+        draw->scissor = (VkRect2D){{(int32_t)(at[0] * EDGE), (int32_t)(at[1] * EDGE)}, {EDGE, EDGE}};
+        const float *pixels = render(&play.stage);
+        for (uint32_t i = 0; i < EDGE * EDGE; i++) {
+            size_t place = 4 * ((size_t)(at[1] * EDGE + i / EDGE) * SIZE + at[0] * EDGE + i % EDGE);
+            different += fabsf(pixels[place] - whole[place]) > 1e-3f;
+            seen += whole[place] > 0;
+        }
+    }
+    printf("  %u of %u pixels differ\n", different, seen);
+    assert_true(seen > SIZE * SIZE / 4);
+    assert_true(different < seen / 1000); /* rims, where the edge of a tile has cut a triangle */
+    close_play(&play);
+    free_shape(&shape);
+}
+
 /* Lit, shadowing itself and the floor, exactly as if it were a part of the scene; and again where it has moved to. */
 static void objects_cast_the_shadows_of_things_that_stay(void **state)
 {
@@ -419,6 +466,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(constants_of_blockers_are_the_shaders),
+        cmocka_unit_test(no_edge_of_a_picture_hides_what_crosses_it),
         cmocka_unit_test(objects_cast_the_shadows_of_things_that_stay),
         cmocka_unit_test(only_views_that_an_object_is_in_are_drawn_again),
         cmocka_unit_test(views_take_turns_where_they_are_limited),

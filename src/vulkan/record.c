@@ -326,12 +326,42 @@ static void multiply(const float a[16], const float b[16], float c[16])
         }
 }
 
+/* c = a times an object's place. */
+static void multiply_placed(const float a[16], const ChiaroGpuObject *object, float c[16])
+{
+    const float *rows[3] = {object->row0, object->row1, object->row2};
+    float place[16] = {[15] = 1};
+    for (int row = 0; row < 3; row++)
+        for (int column = 0; column < 4; column++)
+            place[4 * column + row] = rows[row][column];
+    multiply(a, place, c);
+}
+
 /* The eye of a rigid view matrix: -R^T t. */
 static Vec3 eye_of(const float view[16])
 {
     Vec3 t = {view[12], view[13], view[14]};
     return vec3(-(view[0] * t.x + view[1] * t.y + view[2] * t.z), -(view[4] * t.x + view[5] * t.y + view[6] * t.z),
                 -(view[8] * t.x + view[9] * t.y + view[10] * t.z));
+}
+
+/* False for a box that lies wholly beyond an edge of the picture, or before or behind all that is drawn, in the space that a
+ * matrix takes to clip coordinates: -w <= x, y <= w, 0 <= z <= w. What touches an edge counts as seen, however it is
+ * rounded. */
+static bool is_in_picture(const float m[16], const float low[3], const float high[3])
+{
+    static const float rounding = 1e-5f;
+    for (int plane = 0; plane < 6; plane++) {
+        float sign = plane % 2 ? -1.0f : 1.0f, sum = 0, size = 0;
+        for (int k = 0; k < 4; k++) {
+            float z_or_w = plane == 4 ? 0 : m[4 * k + 3], slope = z_or_w + sign * m[4 * k + plane / 2];
+            float most = slope * (k == 3 ? 1 : slope > 0 ? high[k] : low[k]);
+            sum += most, size += fabsf(most);
+        }
+        if (sum < -rounding * size)
+            return false;
+    }
+    return true;
 }
 
 /* A pipeline and the sets that its kind of light needs. */
@@ -380,6 +410,8 @@ static void draw_parts(ChiaroVulkan *context, VkCommandBuffer commands, uint32_t
     context->vk.CmdBindIndexBuffer(commands, scene->indices.buffer, 0, VK_INDEX_TYPE_UINT32);
     for (uint32_t i = 0; i < scene->part_count; i++) {
         const DrawPart *part = &scene->parts[i];
+        if (!is_in_picture(push->view_projection, part->low, part->high))
+            continue;
         uint32_t own = chiaro_objects_near(context, part) ? lighting : lighting & ~(uint32_t)FORWARD_OBJECTS;
         const Pipeline *pipeline = &context->pipelines[chiaro_pipeline_forward(own, part->surface, false)];
         if (!pipeline->pipeline)
@@ -409,9 +441,14 @@ static void draw_objects(ChiaroVulkan *context, VkCommandBuffer commands, uint32
             if (!objects->shown[id].placed)
                 continue;
             const ObjectMesh *mesh = &objects->meshes_by_number[objects->shown[id].mesh];
-            for (uint32_t i = 0; i < mesh->count[kind]; i++)
-                draw_part(context, commands, pipeline, &objects->meshes, &objects->meshes.parts[mesh->first[kind] + i],
-                          id, push);
+            float to_clip[16];
+            if (mesh->count[kind] > 0)
+                multiply_placed(push->view_projection, &objects->placed[id], to_clip);
+            for (uint32_t i = 0; i < mesh->count[kind]; i++) {
+                const DrawPart *part = &objects->meshes.parts[mesh->first[kind] + i];
+                if (is_in_picture(to_clip, part->low, part->high))
+                    draw_part(context, commands, pipeline, &objects->meshes, part, id, push);
+            }
         }
     }
 }
@@ -454,10 +491,11 @@ void chiaro_record_draw(ChiaroVulkan *context, const ChiaroVulkanDraw *draw)
     vec3_store(push.eye, eye_of(draw->view));
     push.eye[3] = exposure;
     bool direct = draw->direct_only;
-    draw_parts(context, draw->command_buffer,
-               direct ? chiaro_direct_lighting(context) : chiaro_forward_lighting(context), &push);
+    /* Objects first: what stays costs more by pixel, and they hide some of it. */
     draw_objects(context, draw->command_buffer,
                  direct ? chiaro_direct_lighting(context) : chiaro_object_lighting(context), &push);
+    draw_parts(context, draw->command_buffer,
+               direct ? chiaro_direct_lighting(context) : chiaro_forward_lighting(context), &push);
     /* A sky that no update has copied yet is not there yet. */
     if (chiaro_vulkan_background(context) && !context->sky.upload.arena && context->pipelines[PIPELINE_SKY].pipeline)
         draw_sky(context, draw, exposure);
