@@ -78,14 +78,15 @@ public:
         image_pixels.resize(model.images.size(), {0, 0, 0});
     }
 
-    void run(double origin[3])
+    /* Returns where the origin of all that it makes lies in the file's world. */
+    Vector run()
     {
         Bounds bounds;
         walk(Transform(), [&](const tinygltf::Node &node, const Transform &, Visit *visit) {
-            bound_mesh(node, visit->world, &bounds);
+            if (node.mesh != -1)
+                bound_mesh(node, visit->world, &bounds);
         });
         const Vector at = bounds.near_origin();
-        origin[0] = at.x, origin[1] = at.y, origin[2] = at.z;
         channels_of = read_animations(model, &out.arrays);
         walk(Transform{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, at * -1},
              [&](const tinygltf::Node &node, const Transform &before, Visit *visit) {
@@ -100,6 +101,7 @@ public:
             fail(degenerate              ? "all its triangles are without area"
                  : out.objects.empty() ? "holds no triangles"
                                        : "holds nothing that stays in its place");
+        return at;
     }
 
     uint32_t clamped = 0, degenerate = 0;
@@ -154,8 +156,6 @@ private:
     /* By what the file says of its positions: it may be wrong, then the scene lies where it lies. */
     void bound_mesh(const tinygltf::Node &node, const Transform &world, Bounds *bounds) const
     {
-        if (node.mesh == -1)
-            return;
         for (const tinygltf::Primitive &primitive : element(model.meshes, node.mesh, "mesh").primitives) {
             auto position = primitive.attributes.find("POSITION");
             if (position == primitive.attributes.end())
@@ -842,8 +842,7 @@ void import(const char *path, const ChiaroIoFile &file, const std::vector<std::s
     auto storage = std::make_unique<Storage>();
     parse(path, file, &model);
     Importer importer(model, dynamic, *storage);
-    double origin[3];
-    importer.run(origin);
+    const Vector origin = importer.run();
     ChiaroScene flat = view_of(*storage, storage->still);
     flat.lights = storage->lights.data();
     flat.light_count = uint32_t(storage->lights.size());
@@ -861,7 +860,7 @@ void import(const char *path, const ChiaroIoFile &file, const std::vector<std::s
               uint32_t(storage->objects.size()),
               uint32_t(storage->joints.size()),
               uint32_t(storage->channels.size()),
-              {origin[0], origin[1], origin[2]},
+              {origin.x, origin.y, origin.z},
               importer.clamped,
               importer.degenerate,
               nullptr};
