@@ -599,6 +599,27 @@ static void another_version_is_named_as_such(void **state)
     chiaro_blob_free(&blob);
 }
 
+static void an_origin_that_is_no_place_is_refused(void **state)
+{
+    (void)state;
+    ChiaroBlob blob = make_block(false);
+    ChiaroFileHeader *header = blob.data;
+    double origin[3] = {7, 7, 7};
+    header->origin[0] = -1e6, header->origin[1] = (double)NAN;
+    assert_int_equal(chiaro_transport_origin(blob.data, blob.size, origin), CHIARO_ERROR_DATA); /* the checksum */
+    seal(&blob);
+    assert_int_equal(chiaro_transport_origin(blob.data, blob.size, origin), CHIARO_ERROR_DATA);
+    assert_true(origin[0] == 7 && origin[1] == 7 && origin[2] == 7);
+    header->origin[1] = 0.5;
+    seal(&blob);
+    assert_int_equal(chiaro_transport_origin(blob.data, blob.size, origin), CHIARO_OK);
+    assert_true(origin[0] == -1e6 && origin[1] == 0.5 && origin[2] == 0);
+    assert_int_equal(chiaro_transport_origin(NULL, blob.size, origin), CHIARO_ERROR_ARGUMENT);
+    assert_int_equal(chiaro_transport_origin(blob.data, blob.size, NULL), CHIARO_ERROR_ARGUMENT);
+    assert_int_equal(chiaro_transport_origin(blob.data, 64, origin), CHIARO_ERROR_DATA);
+    chiaro_blob_free(&blob);
+}
+
 #define MUTABLE(type, pointer) ((type *)(uintptr_t)(pointer))
 
 /* A block that says something impossible under a checksum that is right. False: there are no more lies. */
@@ -743,6 +764,7 @@ int main(void)
         cmocka_unit_test(a_flipped_bit_anywhere_is_found),
         cmocka_unit_test(a_block_cut_short_or_long_is_refused),
         cmocka_unit_test(another_version_is_named_as_such),
+        cmocka_unit_test(an_origin_that_is_no_place_is_refused),
         cmocka_unit_test(lies_under_a_right_checksum_are_found_and_named_once),
         cmocka_unit_test(damage_under_a_right_checksum_does_no_harm),
     };
