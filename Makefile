@@ -92,7 +92,7 @@ else
 # ---- rules -----------------------------------------------------------------------------------------------------------
 $(B)/obj/src/io/%.o $(B)/obj/samples/%.o $(B)/obj/tests/%.o: CFLAGS_ALL += $(EXR_CFLAGS)
 ifeq ($(config),release)
-$(B)/obj/src/bake/%.o: CFLAGS_ALL += -O3
+$(B)/obj/src/bake/%.o $(addprefix $(B)/obj/src/core/,world_paint.o world_near.o cube_paint.o): CFLAGS_ALL += -O3
 endif
 # Small where it is loaded: what is not reached goes, and nothing unwinds through C.
 $(CORE) $(VULKAN): CFLAGS_ALL += -ffunction-sections -fdata-sections -fno-unwind-tables -fno-asynchronous-unwind-tables

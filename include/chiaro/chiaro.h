@@ -384,7 +384,7 @@ CHIARO_API ChiaroResult chiaro_transport_open(const void *data, size_t size, Chi
  * that floats would not tell its places apart. What is drawn or lit with it has to be moved by as much.
  * @param data the bytes, as of chiaro_transport_open(). @param size their number. @param origin receives x, y, z, m.
  * @errors CHIARO_ERROR_ARGUMENT, CHIARO_ERROR_DATA, CHIARO_ERROR_VERSION; then `origin` is untouched.
- * @thread_safety any thread. */
+ * @thread_safety any thread. @lifetime nothing of `data` is kept. */
 CHIARO_API ChiaroResult chiaro_transport_origin(const void *data, size_t size, double origin[3]);
 
 /** True where a straight line is free: the host's shadow test. `index` numbers the point that asks.

@@ -97,9 +97,7 @@ static void encode_bytes(const float *texels, uint32_t count, float scale, unsig
     const Lanes most = {scale, scale, scale, 1}, lifts = {lift, lift, lift, 1}, all = {steps, steps, steps, 255};
     for (uint32_t t = 0; t < count; t++, bytes += 4) {
         Lanes value = lanes_min(lanes_max(lanes_load(texels + 4 * (size_t)t), lanes_of(0)), most);
-        LaneMask whole = __builtin_convertvector(value * lifts * all + 0.5f, LaneMask);
-        for (int c = 0; c < 4; c++)
-            bytes[c] = (unsigned char)whole[c];
+        lanes_store_bytes(__builtin_convertvector(value * lifts * all + 0.5f, LaneMask), bytes);
     }
 }
 

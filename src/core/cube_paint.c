@@ -14,8 +14,9 @@
 #define SPACING 0.4f
 #define ONE_SAMPLE 0.15f
 #define ONE_RING 0.5f
-/* A ring starts this much of a turn after the last: the golden section, which never lines up. */
-#define GOLDEN_TURN 2.39996323f
+/* A ring starts this much of a turn after the last: the golden section, which never lines up. Its cosine and sine. */
+#define GOLDEN_COSINE -0.73736888f
+#define GOLDEN_SINE 0.67549029f
 
 /* Small skies are read at this many rows, twice as many columns. */
 enum { LEAST_ROWS = 512 };
@@ -65,27 +66,28 @@ static void cover_point(const ChiaroCubeTaps *taps, float angle, Cover *cover)
     }
 }
 
-/* A ring of samples about an axis: its middle, two ways across it, and the place of the first sample by them. */
+/* A ring of samples about an axis: its middle, two ways across it, and the place of the first sample by them; a quarter of
+ * its samples. */
 typedef struct Ring {
     Vec3 middle, tangent, bitangent;
     float x, y;
-    uint32_t count;
+    uint32_t quarter;
 } Ring;
 
 static void cover_ring(const ChiaroCubeKernel *kernel, Ring ring, float angle, Cover *cover)
 {
-    float turn = 2 * CHIARO_PI / (float)ring.count, c = cosf(turn), s = sinf(turn);
-    for (uint32_t first = 0; first < ring.count; first += LANES) {
-        Lanes x, y;
-        for (uint32_t lane = 0; lane < LANES; lane++) {
-            x[lane] = ring.x, y[lane] = ring.y;
-            ring.y = s * x[lane] + c * y[lane], ring.x = c * x[lane] - s * y[lane];
-        }
+    float turn = CHIARO_PI / 2 / (float)ring.quarter, c = 0, s = 1;
+    if (ring.quarter > 1)
+        c = cosf(turn), s = sinf(turn);
+    for (uint32_t k = 0; k < ring.quarter; k++) {
+        /* Four, a quarter of a turn apart. */
+        const Lanes x = {ring.x, -ring.y, -ring.x, ring.y}, y = {ring.y, ring.x, -ring.y, -ring.x};
+        ring.y = s * x[0] + c * y[0], ring.x = c * x[0] - s * y[0];
         const Lanes samples[3] = {ring.middle.x + ring.tangent.x * x + ring.bitangent.x * y,
                                   ring.middle.y + ring.tangent.y * x + ring.bitangent.y * y,
                                   ring.middle.z + ring.tangent.z * x + ring.bitangent.z * y};
         ChiaroCubePlaces places = chiaro_cube_places(kernel, samples);
-        for (uint32_t lane = 0; lane < LANES && first + lane < ring.count; lane++) {
+        for (uint32_t lane = 0; lane < LANES; lane++) {
             ChiaroCubeTaps taps = chiaro_cube_place_taps(kernel, &places, lane);
             cover_point(&taps, angle, cover);
         }
@@ -104,29 +106,33 @@ static void cover_disc(const ChiaroCubeKernel *kernel, Vec3 d, float half, float
         return;
     }
     Ring ring;
+    float x = 1, y = 0; /* where a ring starts */
     vec3_frame(d, &ring.tangent, &ring.bitangent);
     uint32_t rings = half < ONE_RING * texel ? 1 : 1 + (uint32_t)(half / (SPACING * texel));
     float step = half / (float)rings, inner = 0; /* 1 - cos of the ring's inner edge */
     for (uint32_t r = 0; r < rings; r++) {
-        float edge = sinf(0.5f * step * (float)(r + 1)), outer = 2 * edge * edge, z = 1 - (inner + outer) / 2;
-        float radius = sqrtf(fmaxf(0, 1 - z * z));
+        float edge = r + 1 < rings ? sinf(0.5f * step * (float)(r + 1)) : 0;
+        float outer = r + 1 < rings ? 2 * edge * edge : angle / (2 * CHIARO_PI), z = 1 - (inner + outer) / 2;
+        float radius = sqrtf(fmaxf(0, 1 - z * z)), next = GOLDEN_COSINE * x - GOLDEN_SINE * y;
         ring.middle = vec3_scale(d, z);
-        ring.x = radius * cosf(GOLDEN_TURN * (float)r), ring.y = radius * sinf(GOLDEN_TURN * (float)r);
-        ring.count = 1 + (uint32_t)(2 * CHIARO_PI * radius / step);
-        cover_ring(kernel, ring, 2 * CHIARO_PI * (outer - inner) / (float)ring.count, cover);
+        ring.x = radius * x, ring.y = radius * y;
+        y = GOLDEN_SINE * x + GOLDEN_COSINE * y, x = next;
+        ring.quarter = (uint32_t)(CHIARO_PI / 2 * radius / step + 0.5f);
+        ring.quarter = ring.quarter > 0 ? ring.quarter : 1;
+        cover_ring(kernel, ring, CHIARO_PI / 2 * (outer - inner) / (float)ring.quarter, cover);
         inner = outer;
     }
 }
 
 /* Samples tell the share of a texel to a few parts in a hundred. Where the disc holds the whole tent it is 1, so that
  * nothing bright behind a near thing shines through it. */
-static void take_shares(const ChiaroCubeKernel *kernel, Vec3 d, float half, Cover *cover)
+static void take_shares(const ChiaroCubeKernel *kernel, Vec3 d, float c, float s, Cover *cover)
 {
-    float c = cosf(half), s = sinf(half);
     for (uint32_t k = 0; k < cover->count; k++) {
         uint32_t texel = cover->touched[k];
         const float *reach = kernel->reach[texel];
-        /* Angle to the centre plus reach at most half: the cosine of (half - reach), where half is the larger. */
+        /* Angle to the centre plus reach at most the disc's half angle: the cosine of (half - reach), where half, whose
+         * cosine and sine are c and s, is the larger. */
         bool whole = c < reach[0] && vec3_dot(d, vec3_load(kernel->centre[texel])) >= c * reach[0] + s * reach[1];
         cover->share[texel] = whole ? 1 : fminf(1, cover->share[texel] / kernel->weight[texel]);
     }
@@ -163,11 +169,12 @@ void chiaro_cube_paint(const ChiaroCubeKernel *kernel, ChiaroCubeTexel *texels, 
     Vec3 direction = vec3_load(disc->direction);
     if (!is_direction(direction) || !(disc->solid_angle > 0) || !(disc->distance > 0) || isinf(disc->distance))
         return;
-    float angle = fminf(disc->solid_angle, 2 * CHIARO_PI), half = 2 * asinf(sqrtf(angle / (4 * CHIARO_PI)));
-    float depth = disc->depth > 0 ? disc->depth : disc->distance * sinf(half);
+    float angle = fminf(disc->solid_angle, 2 * CHIARO_PI), square = angle / (4 * CHIARO_PI), root = sqrtf(square);
+    float half = 2 * asinf(root), cosine = 1 - 2 * square, sine = 2 * root * sqrtf(1 - square);
+    float depth = disc->depth > 0 ? disc->depth : disc->distance * sine;
     direction = vec3_normalize(direction);
     cover_disc(kernel, direction, half, angle, &cover);
-    take_shares(kernel, direction, half, &cover);
+    take_shares(kernel, direction, cosine, sine, &cover);
     for (uint32_t k = 0; k < cover.count; k++)
         paint_texel(&texels[cover.touched[k]], disc, depth, cover.share[cover.touched[k]]);
 }

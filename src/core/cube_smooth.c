@@ -145,14 +145,15 @@ void chiaro_cube_smooth_texel(const ChiaroCubeKernel *kernel, uint32_t texel, co
 void chiaro_cube_sharpen(const ChiaroCubeKernel *kernel, float *texels)
 {
     float before[CUBE_LANES * CHIARO_CUBE_MAX_TEXELS];
-    uint32_t row = kernel->edge + 2;
+    const uint32_t edge = kernel->edge, row = edge + 2;
     memcpy(before, texels, kernel->texel_count * CUBE_LANES * sizeof(float));
-    for (uint32_t t = 0; t < kernel->texel_count; t++) {
-        uint32_t face = t / (kernel->edge * kernel->edge), i = t % kernel->edge, j = t / kernel->edge % kernel->edge;
-        const uint16_t *rim = kernel->rim + ((size_t)face * row + j + 1) * row + i + 1;
-        Lanes own = lanes_load(before + CUBE_LANES * t);
-        Lanes across = lanes_load(before + CUBE_LANES * rim[-1]) + lanes_load(before + CUBE_LANES * rim[1]);
-        Lanes along = lanes_load(before + CUBE_LANES * *(rim - row)) + lanes_load(before + CUBE_LANES * rim[row]);
-        store(texels + CUBE_LANES * t, own - (across + along - 4 * own) / 8);
+    for (uint32_t j = 0; j < 6 * edge; j++) {
+        const uint16_t *rim = kernel->rim + ((size_t)(j / edge) * row + j % edge + 1) * row + 1;
+        for (uint32_t i = 0; i < edge; i++, rim++, texels += CUBE_LANES) {
+            Lanes own = lanes_load(before + CUBE_LANES * rim[0]);
+            Lanes across = lanes_load(before + CUBE_LANES * rim[-1]) + lanes_load(before + CUBE_LANES * rim[1]);
+            Lanes along = lanes_load(before + CUBE_LANES * *(rim - row)) + lanes_load(before + CUBE_LANES * rim[row]);
+            store(texels, own - (across + along - 4 * own) / 8);
+        }
     }
 }

@@ -7,8 +7,8 @@
 #include <stdint.h>
 #include <string.h>
 
-#ifdef __SSE__
-#include <xmmintrin.h>
+#ifdef __SSE2__
+#include <emmintrin.h>
 #endif
 
 enum { LANES = 4 };
@@ -30,11 +30,18 @@ static inline Lanes lanes_choose(LaneMask mask, Lanes a, Lanes b)
 static inline float lanes_sum(Lanes a) { return (a[0] + a[1]) + (a[2] + a[3]); }
 
 /* Compilers find no single instruction for these by themselves. */
-#ifdef __SSE__
+#ifdef __SSE2__
 static inline Lanes lanes_min(Lanes a, Lanes b) { return _mm_min_ps(a, b); }
 static inline Lanes lanes_max(Lanes a, Lanes b) { return _mm_max_ps(a, b); }
 static inline Lanes lanes_sqrt(Lanes a) { return _mm_sqrt_ps(a); }
 static inline bool lanes_any(LaneMask mask) { return _mm_movemask_ps((Lanes)mask); }
+/* Whole numbers from 0 to 255. */
+static inline void lanes_store_bytes(LaneMask whole, unsigned char bytes[4])
+{
+    __m128i words = _mm_packs_epi32((__m128i)whole, (__m128i)whole);
+    int32_t four = _mm_cvtsi128_si32(_mm_packus_epi16(words, words));
+    memcpy(bytes, &four, sizeof four);
+}
 #else
 static inline Lanes lanes_min(Lanes a, Lanes b) { return lanes_choose(a < b, a, b); }
 static inline Lanes lanes_max(Lanes a, Lanes b) { return lanes_choose(a > b, a, b); }
@@ -44,6 +51,11 @@ static inline bool lanes_any(LaneMask mask)
     uint64_t words[2];
     memcpy(words, &mask, sizeof words);
     return words[0] | words[1];
+}
+static inline void lanes_store_bytes(LaneMask whole, unsigned char bytes[4])
+{
+    for (int lane = 0; lane < LANES; lane++)
+        bytes[lane] = (unsigned char)whole[lane];
 }
 #endif
 

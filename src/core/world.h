@@ -121,7 +121,8 @@ typedef struct NearThing {
 /* All of it. Plates number by number, so that four go at a time; there is room for three more that are not seen. */
 enum { NEAR_X, NEAR_Y, NEAR_Z, NEAR_NX, NEAR_NY, NEAR_NZ, NEAR_AREA, NEAR_HALF, NEAR_VISIBLE, NEAR_RED, NEAR_GREEN,
        NEAR_BLUE, NEAR_NUMBERS };
-enum { BALL_X, BALL_Y, BALL_Z, BALL_RADIUS, BALL_VISIBLE, BALL_RED, BALL_GREEN, BALL_BLUE, BALL_NUMBERS };
+/* In radii: one of its radius, by which lengths are multiplied. */
+enum { BALL_X, BALL_Y, BALL_Z, BALL_IN_RADII, BALL_VISIBLE, BALL_RED, BALL_GREEN, BALL_BLUE, BALL_NUMBERS };
 typedef struct Near {
     float plates[NEAR_NUMBERS][WORLD_MAX_NEAR + 4];
     float balls[WORLD_MAX_BALLS][BALL_NUMBERS];

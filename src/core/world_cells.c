@@ -413,10 +413,10 @@ static uint32_t find_cell(const ChiaroBlockerCells *cells, const float point[3])
     return cells->cells[cell[0] + cells->count[0] * (cell[1] + cells->count[1] * cell[2])];
 }
 
-static Lanes window_lanes(Lanes away, Lanes reach)
+/* Of squares of distances, in radii as the reach. */
+static Lanes window_lanes(Lanes square, float reach)
 {
-    Lanes ratio = away / reach;
-    ratio *= ratio;
+    Lanes ratio = square * (1 / (reach * reach));
     return lanes_max(lanes_of(0), lanes_of(1) - ratio * ratio);
 }
 
@@ -480,21 +480,21 @@ static float sum_balls(const Receiver *at, const uint32_t *entries, uint32_t cou
     float open = 1;
     for (uint32_t k = 0; k < count; k += LANES) {
         uint32_t valid = count - k < LANES ? count - k : LANES;
-        Lanes way[3], radius, near, all;
+        Lanes way[3], in_radii, near, all;
         for (uint32_t lane = 0; lane < LANES; lane++) {
             const ChiaroWorldBlocker *ball = &grid->blockers[entries[k + (lane < valid ? lane : 0)]];
             for (uint32_t c = 0; c < 3; c++)
                 way[c][lane] = ball->center[c] - point[c];
-            radius[lane] = ball->radius;
+            in_radii[lane] = 1 / fmaxf(ball->radius, 1e-15f);
         }
-        Lanes away = lanes_sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
-        Lanes height = way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2];
-        near = all = window_lanes(away, CHIARO_BLOCKER_NEAR * radius);
+        Lanes square = (way[0] * way[0] + way[1] * way[1] + way[2] * way[2]) * in_radii * in_radii;
+        Lanes height = (way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2]) * in_radii;
+        near = all = window_lanes(square, CHIARO_BLOCKER_NEAR);
         if (far)
-            all = window_lanes(away, CHIARO_BLOCKER_REACH * radius);
+            all = window_lanes(square, CHIARO_BLOCKER_REACH);
         if (!lanes_any(all > lanes_of(0)))
             continue;
-        Lanes form = lanes_ball_forms(away, height, radius), share = (far ? all - near : near) * form;
+        Lanes form = lanes_ball_forms(square, height), share = (far ? all - near : near) * form;
         for (uint32_t lane = 0; lane < valid; lane++) {
             Vec3 radiance = mean;
             if (!(all[lane] > 0))

@@ -13,7 +13,7 @@ void chiaro_near_add(Near *near, const NearThing *thing)
 {
     if (thing->ball) {
         const float ball[BALL_NUMBERS] = {thing->center.x, thing->center.y, thing->center.z,
-                                          sqrtf(thing->area / CHIARO_PI), thing->visible, thing->radiance.x,
+                                          sqrtf(CHIARO_PI / fmaxf(thing->area, 1e-30f)), thing->visible, thing->radiance.x,
                                           thing->radiance.y, thing->radiance.z};
         for (uint32_t k = 0; k < BALL_NUMBERS && near->ball_count < WORLD_MAX_BALLS; k++)
             near->balls[near->ball_count][k] = ball[k];
@@ -86,10 +86,11 @@ static NearSum sum_balls(const Near *near, const NearReceivers *at)
     for (uint32_t i = 0; i < near->ball_count; i++) {
         const float *ball = near->balls[i];
         Lanes x = ball[BALL_X] - at->point[0], y = ball[BALL_Y] - at->point[1], z = ball[BALL_Z] - at->point[2];
-        Lanes height = x * at->normal[0] + y * at->normal[1] + z * at->normal[2], radius = lanes_of(ball[BALL_RADIUS]);
-        if (!lanes_any(height > -radius))
+        Lanes height = x * at->normal[0] + y * at->normal[1] + z * at->normal[2], in_radii = lanes_of(ball[BALL_IN_RADII]);
+        height *= in_radii;
+        if (!lanes_any(height > lanes_of(-1)))
             continue;
-        add_forms(&sum, lanes_ball_forms(lanes_sqrt(x * x + y * y + z * z), height, radius), lanes_of(ball[BALL_VISIBLE]),
+        add_forms(&sum, lanes_ball_forms((x * x + y * y + z * z) * in_radii * in_radii, height), lanes_of(ball[BALL_VISIBLE]),
                   lanes_of(ball[BALL_RED]), lanes_of(ball[BALL_GREEN]), lanes_of(ball[BALL_BLUE]));
     }
     return sum;

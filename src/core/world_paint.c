@@ -13,7 +13,6 @@
 #include "primitives.h"
 #include "world.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 /* In radii of the object's part: static surfaces up to the first count as near, beyond the second as far. */
@@ -75,12 +74,18 @@ typedef struct Listed {
     uint32_t id;
 } Listed;
 
-static int compare_listed(const void *a, const void *b)
+/* Nearest first. Lists are short. */
+static void sort_listed(Listed *listed, uint32_t count)
 {
-    const Listed *x = a, *y = b;
-    if (x->distance != y->distance)
-        return x->distance < y->distance ? -1 : 1;
-    return x->id < y->id ? -1 : x->id > y->id;
+    for (uint32_t k = 1; k < count; k++) {
+        const Listed entry = listed[k];
+        uint32_t place = k;
+        for (; place > 0 && (entry.distance < listed[place - 1].distance ||
+                             (entry.distance == listed[place - 1].distance && entry.id < listed[place - 1].id));
+             place--)
+            listed[place] = listed[place - 1];
+        listed[place] = entry;
+    }
 }
 
 static Listed listed_of(const Canvas *canvas, uint32_t id)
@@ -111,7 +116,7 @@ static uint32_t list_all(const Canvas *canvas, Listed listed[MAX_LISTED])
         }
         listed[place] = entry, weights[place] = weight;
     }
-    qsort(listed, total, sizeof *listed, compare_listed);
+    sort_listed(listed, total);
     return total;
 }
 
@@ -134,7 +139,7 @@ static uint32_t list_neighbours(const Canvas *canvas, uint32_t id, Listed listed
             listed[total++] = listed_of(canvas, other);
         }
     }
-    qsort(listed, total, sizeof *listed, compare_listed);
+    sort_listed(listed, total);
     return total;
 }
 
@@ -665,21 +670,34 @@ Vec3 chiaro_world_direct(const ChiaroWorld *world, Vec3 point, Vec3 normal)
     return sum;
 }
 
+/* Where the normals of four elements, or of as many as are left, meet a cube. */
+static ChiaroCubePlaces element_places(const ChiaroWorld *world, const Body *body, uint32_t first)
+{
+    Lanes ways[3] = {lanes_of(1), lanes_of(0), lanes_of(0)};
+    for (uint32_t lane = 0; lane < LANES && first + lane < body->object.element_count; lane++) {
+        Vec3 normal = pose_turn(&body->pose, vec3_load(body->object.elements[first + lane].normal));
+        ways[0][lane] = normal.x, ways[1][lane] = normal.y, ways[2][lane] = normal.z;
+    }
+    return chiaro_cube_places(world->kernel, ways);
+}
+
 /* What the object gives off, by its fresh cubes. */
 static void light_elements(ChiaroWorld *world, const Body *body)
 {
     const ChiaroObject *object = &body->object;
     float *radiosity = world->radiosity + 3 * (size_t)body->first_element;
+    ChiaroCubePlaces places = {.u = lanes_of(0)};
     for (uint32_t e = 0; e < object->element_count; e++) {
         const ChiaroElement *element = &object->elements[e];
         const ChiaroObjectElement *more = &object->element_more[e];
         Vec3 normal = pose_turn(&body->pose, vec3_load(element->normal));
         Vec3 place = pose_point(&body->pose, vec3_load(element->position));
         const float *texels = world->next.texels + 4 * (size_t)(body->first_slot + more->part) * world->texel_count;
-        float n[3], value[4];
-        vec3_store(n, normal);
-        chiaro_cube_look_up(world->kernel, texels, n, value);
-        Vec3 ambient = vec3_positive(vec3_load(value));
+        if (e % LANES == 0)
+            places = element_places(world, body, e);
+        ChiaroCubeTaps taps = chiaro_cube_place_taps(world->kernel, &places, e % LANES);
+        Lanes value = chiaro_cube_mix(&taps, texels);
+        Vec3 ambient = vec3_positive(vec3(value[0], value[1], value[2]));
         Vec3 light = vec3_mad(chiaro_world_direct(world, place, normal), vec3_mul(ambient, vec3_load(more->cavity)),
                               CHIARO_PI);
         light = vec3_mul(light, vec3_load(element->albedo));
