@@ -83,10 +83,19 @@ uint32_t chiaro_cube_format_size(ChiaroCubeFormat format)
 
 static float brightest_color(const float *texels, uint32_t count)
 {
-    Lanes most = lanes_of(MOST), brightest = lanes_of(0);
-    for (uint32_t t = 0; t < count; t++) /* what is not a number is passed over */
-        brightest = lanes_min(lanes_max(lanes_load(texels + 4 * (size_t)t), brightest), most);
-    return fmaxf(brightest[0], fmaxf(brightest[1], brightest[2]));
+    enum { SIDE_BY_SIDE = 4 }; /* so that none waits for the last one */
+    Lanes most[SIDE_BY_SIDE] = {lanes_of(0), lanes_of(0), lanes_of(0), lanes_of(0)};
+    uint32_t t = 0;
+    for (; t + SIDE_BY_SIDE <= count; t += SIDE_BY_SIDE) { /* what is not a number is passed over */
+        most[0] = lanes_max(lanes_load(texels + 4 * (size_t)t), most[0]);
+        most[1] = lanes_max(lanes_load(texels + 4 * (size_t)t + 4), most[1]);
+        most[2] = lanes_max(lanes_load(texels + 4 * (size_t)t + 8), most[2]);
+        most[3] = lanes_max(lanes_load(texels + 4 * (size_t)t + 12), most[3]);
+    }
+    for (; t < count; t++)
+        most[0] = lanes_max(lanes_load(texels + 4 * (size_t)t), most[0]);
+    Lanes all = lanes_min(lanes_max(lanes_max(most[0], most[1]), lanes_max(most[2], most[3])), lanes_of(MOST));
+    return fmaxf(all[0], fmaxf(all[1], all[2]));
 }
 
 /* Bytes of a texel: colours by the scale, coverage by itself. What is not a number becomes nothing. */

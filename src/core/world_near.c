@@ -102,11 +102,13 @@ void chiaro_near_sum(Near *near, const NearReceivers *receivers, uint32_t count,
         near->plates[NEAR_VISIBLE][near->plate_count + k] = 0;
     NearSum balls = sum_balls(near, receivers);
     for (uint32_t r = 0; r < count; r++) {
-        Vec3 point = vec3(receivers->point[0][r], receivers->point[1][r], receivers->point[2][r]);
-        Vec3 normal = vec3(receivers->normal[0][r], receivers->normal[1][r], receivers->normal[2][r]);
-        NearSum sum = sum_plates(near, point, normal);
-        for (uint32_t c = 0; c < 3; c++)
-            light[r][c] = lanes_sum(sum.color[c]) + balls.color[c][r];
-        light[r][3] = lanes_sum(sum.forms) + balls.forms[r];
+        Lanes all = {balls.color[0][r], balls.color[1][r], balls.color[2][r], balls.forms[r]};
+        if (near->plate_count) {
+            Vec3 point = vec3(receivers->point[0][r], receivers->point[1][r], receivers->point[2][r]);
+            Vec3 normal = vec3(receivers->normal[0][r], receivers->normal[1][r], receivers->normal[2][r]);
+            NearSum sum = sum_plates(near, point, normal);
+            all += (Lanes){lanes_sum(sum.color[0]), lanes_sum(sum.color[1]), lanes_sum(sum.color[2]), lanes_sum(sum.forms)};
+        }
+        memcpy(light[r], &all, sizeof all);
     }
 }

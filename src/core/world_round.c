@@ -222,13 +222,16 @@ static void publish(ChiaroWorld *world, Body *body)
     for (uint32_t slot = body->first_slot; slot < body->first_slot + body->object.part_count; slot++) {
         size_t first = 4 * (size_t)slot * world->texel_count;
         const float *texels = world->next.texels + first, *before = world->last.texels + first;
-        Lanes changes = lanes_of(0), levels = lanes_of(0);
-        for (uint32_t i = 0; i < 4 * world->texel_count; i += LANES) {
-            Lanes now = lanes_load(texels + i), step = now - lanes_load(before + i);
-            changes += lanes_max(step, -step), levels += lanes_max(now, -now);
+        Lanes changes[2] = {lanes_of(0), lanes_of(0)}, levels[2] = {lanes_of(0), lanes_of(0)}; /* even texels, and odd ones */
+        for (uint32_t i = 0; i < 4 * world->texel_count; i += 2 * LANES) {
+            Lanes now = lanes_load(texels + i), next = lanes_load(texels + i + LANES);
+            Lanes step = now - lanes_load(before + i), next_step = next - lanes_load(before + i + LANES);
+            changes[0] += lanes_max(step, -step), levels[0] += lanes_max(now, -now);
+            changes[1] += lanes_max(next_step, -next_step), levels[1] += lanes_max(next, -next);
         }
-        change += (double)(changes[0] + changes[1] + changes[2]);
-        level += (double)(levels[0] + levels[1] + levels[2]);
+        changes[0] += changes[1], levels[0] += levels[1];
+        change += (double)(changes[0][0] + changes[0][1] + changes[0][2]);
+        level += (double)(levels[0][0] + levels[0][1] + levels[0][2]);
         /* The format was checked when the world was made. */
         (void)chiaro_cube_encode((ChiaroCubeFormat)world->desc.format, texels, world->texel_count,
                                  world->encoded + slot * world->encoded_bytes, &world->scales[slot]);
