@@ -610,10 +610,12 @@ static void an_origin_that_is_no_place_is_refused(void **state)
     seal(&blob);
     assert_int_equal(chiaro_transport_origin(blob.data, blob.size, origin), CHIARO_ERROR_DATA);
     assert_true(origin[0] == 7 && origin[1] == 7 && origin[2] == 7);
+    assert_int_equal(open_copy(blob.data, blob.size), CHIARO_ERROR_DATA); /* who has opened one can ask for it */
     header->origin[1] = 0.5;
     seal(&blob);
     assert_int_equal(chiaro_transport_origin(blob.data, blob.size, origin), CHIARO_OK);
     assert_true(origin[0] == -1e6 && origin[1] == 0.5 && origin[2] == 0);
+    assert_int_equal(open_copy(blob.data, blob.size), CHIARO_OK);
     assert_int_equal(chiaro_transport_origin(NULL, blob.size, origin), CHIARO_ERROR_ARGUMENT);
     assert_int_equal(chiaro_transport_origin(blob.data, blob.size, NULL), CHIARO_ERROR_ARGUMENT);
     assert_int_equal(chiaro_transport_origin(blob.data, 64, origin), CHIARO_ERROR_DATA);

@@ -69,10 +69,11 @@ void loaded_open(const SceneOptions *options, const LoadDesc *desc, LoadedScene 
     *scene = (LoadedScene){0};
     baked_open(options, &desc->bake, &scene->baked);
     const ChiaroTransport *transport = &scene->baked.transport;
-    if (!options_camera(options, &transport->scene, scene->baked.read.origin, &scene->camera) || !options_sky(options, &scene->sky))
+    const double *origin = scene->baked.read.origin;
+    if (!options_camera(options, &transport->scene, origin, &scene->camera) || !options_sky(options, &scene->sky))
         exit(CHIARO_EXIT_INPUT); /* they have said why */
     moving_open(options, &scene->baked.read, transport, &desc->moving, &scene->moving);
-    scene->lights = options_lights(options, &transport->scene, scene->baked.read.origin, &scene->light_count);
+    scene->lights = options_lights(options, &transport->scene, origin, &scene->light_count);
 }
 
 void loaded_close(LoadedScene *scene)

@@ -266,6 +266,14 @@ bool chiaro_file_place(const void *data, size_t size, size_t header, const Chiar
     return offset == size;
 }
 
+static bool origin_sound(const ChiaroFileHeader *header, const ChiaroLog *log)
+{
+    const double *origin = header->origin;
+    if (isfinite(origin[0]) && isfinite(origin[1]) && isfinite(origin[2]))
+        return true;
+    return chiaro_file_fault(log, "its origin is no place");
+}
+
 ChiaroResult chiaro_transport_open(const void *data, size_t size, ChiaroTransport *transport, const ChiaroLog *log)
 {
     const ChiaroFileHeader *header = data;
@@ -283,7 +291,7 @@ ChiaroResult chiaro_transport_open(const void *data, size_t size, ChiaroTranspor
         chiaro_file_fault(log, "the sizes of its parts do not add up");
         return CHIARO_ERROR_DATA;
     }
-    if (!nodes_sound(&t, log) || !sky_sound(&t, log) || !samples_sound(&t, log) ||
+    if (!origin_sound(header, log) || !nodes_sound(&t, log) || !sky_sound(&t, log) || !samples_sound(&t, log) ||
         !links_sound(&t, &t.sample_links, t.sample_count, "samples", log) ||
         !links_sound(&t, &t.receiver_links, t.receiver_count, "receivers", log) || !receivers_sound(&t, log) ||
         !mesh_sound(&t, log) ||
@@ -301,10 +309,8 @@ ChiaroResult chiaro_transport_origin(const void *data, size_t size, double origi
     ChiaroResult result = chiaro_file_check(data, size, CHIARO_FILE_MAGIC, CHIARO_FILE_VERSION, sizeof *header, NULL);
     if (result != CHIARO_OK)
         return result;
-    for (int c = 0; c < 3; c++) {
-        if (!isfinite(header->origin[c]))
-            return CHIARO_ERROR_DATA;
-    }
+    if (!origin_sound(header, NULL))
+        return CHIARO_ERROR_DATA;
     memcpy(origin, header->origin, sizeof header->origin);
     return CHIARO_OK;
 }
