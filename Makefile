@@ -23,7 +23,7 @@ ifeq ($(FLAGS_$(config)),)
 $(error config=$(config): choose release, debug, sanitize, thread or other)
 endif
 # No contraction: the same bits from every compiler.
-COMMON := $(FLAGS_$(config)) -fPIC -fvisibility=hidden -ffp-contract=off -MMD -MP -Iinclude -I$(B) -Iglsl
+COMMON := $(FLAGS_$(config)) -fPIC -fvisibility=hidden -ffp-contract=off -fno-math-errno -MMD -MP -Iinclude -I$(B) -Iglsl
 CFLAGS_ALL := -std=c11 -D_GNU_SOURCE $(C_WARNINGS) $(COMMON) $(CFLAGS)
 CXXFLAGS_ALL := -std=c++17 $(WARNINGS) $(COMMON) $(CXXFLAGS)
 LDFLAGS_ALL := $(FLAGS_$(config)) $(LDFLAGS)

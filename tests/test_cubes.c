@@ -231,6 +231,22 @@ static void uniform_stays_uniform(void **state)
     }
 }
 
+/* Where the processor multiplies eight numbers at a time, the same bits come out as from four. */
+static void every_processor_smooths_the_same(void **state)
+{
+    ChiaroRandom random = chiaro_random_seed(5, 1);
+    for (int e = 0; e < EDGES; e++) {
+        ChiaroCubeKernel narrow = *fitted(state, e);
+        uint32_t count = chiaro_cube_texel_count(&narrow);
+        float cube[MAX_FLOATS] = {0}, with[MAX_FLOATS], without[MAX_FLOATS];
+        random_cube(&random, count, cube);
+        chiaro_cube_smooth(fitted(state, e), cube, with);
+        narrow.wide = false;
+        chiaro_cube_smooth(&narrow, cube, without);
+        assert_memory_equal(with, without, 4 * count * sizeof *with);
+    }
+}
+
 /* Irradiance sums up to what radiance does: a bounce loop neither gains nor loses. */
 static void smoothing_keeps_energy(void **state)
 {
@@ -388,6 +404,7 @@ int main(void)
         cmocka_unit_test(strange_directions_do_no_harm),
         cmocka_unit_test(parity_classes_smooth_as_the_dense_matrix_does),
         cmocka_unit_test(uniform_stays_uniform),
+        cmocka_unit_test(every_processor_smooths_the_same),
         cmocka_unit_test(smoothing_keeps_energy),
         cmocka_unit_test(turning_the_surroundings_turns_the_light),
         cmocka_unit_test(smoothing_is_cheap),

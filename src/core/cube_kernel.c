@@ -103,16 +103,17 @@ static void make_reach(ChiaroCubeKernel *kernel)
     uint32_t edge = kernel->edge, row = edge + 2;
     for (uint32_t t = 0; t < kernel->texel_count; t++) {
         float angle;
-        vec3_store(kernel->centre[t], chiaro_cube_texel_direction(t, edge, &angle));
+        Vec3 centre = chiaro_cube_texel_direction(t, edge, &angle);
+        kernel->centre[0][t] = centre.x, kernel->centre[1][t] = centre.y, kernel->centre[2][t] = centre.z;
     }
     for (uint32_t t = 0; t < kernel->texel_count; t++) {
         uint32_t i = t % edge, j = t / edge % edge, face = t / (edge * edge);
-        Vec3 centre = vec3_load(kernel->centre[t]);
+        Vec3 centre = chiaro_cube_centre(kernel, t);
         float cosine = 1;
         for (uint32_t k = 0; k < 9; k++) {
             uint32_t other = kernel->rim[((size_t)face * row + j + k / 3) * row + i + k % 3];
             if (other != CUBE_NO_TEXEL)
-                cosine = fminf(cosine, vec3_dot(centre, vec3_load(kernel->centre[other])));
+                cosine = fminf(cosine, vec3_dot(centre, chiaro_cube_centre(kernel, other)));
         }
         kernel->reach[t][0] = cosine, kernel->reach[t][1] = sqrtf(1 - cosine * cosine);
     }
@@ -339,6 +340,9 @@ ChiaroResult chiaro_cube_kernel_create(uint32_t edge, ChiaroCubeMethod method, c
     memset(made, 0, sizeof *made);
     made->edge = edge, made->texel_count = 6 * edge * edge, made->orbit_count = made->texel_count / 8;
     made->method = method, made->allocator = memory;
+#ifdef __x86_64__
+    made->wide = __builtin_cpu_supports("avx");
+#endif
     make_rim(made);
     make_orbits(made);
     make_reach(made);

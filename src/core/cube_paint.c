@@ -50,20 +50,12 @@ void chiaro_cube_clear(const ChiaroCubeKernel *kernel, ChiaroCubeTexel *texels)
 /* What a disc takes of the texels: solid angle first, then share. */
 typedef struct Cover {
     float share[CHIARO_CUBE_MAX_TEXELS];
-    uint16_t touched[CHIARO_CUBE_MAX_TEXELS];
-    uint32_t count;
 } Cover;
 
 static void cover_point(const ChiaroCubeTaps *taps, float angle, Cover *cover)
 {
-    for (uint32_t k = 0; k < 4; k++) {
-        uint32_t texel = taps->texel[k];
-        if (!(taps->weight[k] > 0))
-            continue;
-        if (cover->share[texel] == 0)
-            cover->touched[cover->count++] = (uint16_t)texel;
-        cover->share[texel] += angle * taps->weight[k];
-    }
+    for (uint32_t k = 0; k < 4; k++)
+        cover->share[taps->texel[k]] += angle * taps->weight[k];
 }
 
 /* A ring of samples about an axis: its middle, two ways across it, and the place of the first sample by them; a quarter of
@@ -99,7 +91,6 @@ static void cover_disc(const ChiaroCubeKernel *kernel, Vec3 d, float half, float
 {
     float texel = CHIARO_PI / 2 / (float)kernel->edge;
     memset(cover->share, 0, kernel->texel_count * sizeof *cover->share);
-    cover->count = 0;
     if (half < ONE_SAMPLE * texel) {
         ChiaroCubeTaps taps = chiaro_cube_taps(kernel, d);
         cover_point(&taps, angle, cover);
@@ -113,7 +104,7 @@ static void cover_disc(const ChiaroCubeKernel *kernel, Vec3 d, float half, float
     for (uint32_t r = 0; r < rings; r++) {
         float edge = r + 1 < rings ? sinf(0.5f * step * (float)(r + 1)) : 0;
         float outer = r + 1 < rings ? 2 * edge * edge : angle / (2 * CHIARO_PI), z = 1 - (inner + outer) / 2;
-        float radius = sqrtf(fmaxf(0, 1 - z * z)), next = GOLDEN_COSINE * x - GOLDEN_SINE * y;
+        float radius = sqrtf(chiaro_max(1 - z * z, 0)), next = GOLDEN_COSINE * x - GOLDEN_SINE * y;
         ring.middle = vec3_scale(d, z);
         ring.x = radius * x, ring.y = radius * y;
         y = GOLDEN_SINE * x + GOLDEN_COSINE * y, x = next;
@@ -124,18 +115,16 @@ static void cover_disc(const ChiaroCubeKernel *kernel, Vec3 d, float half, float
     }
 }
 
-/* Samples tell the share of a texel to a few parts in a hundred. Where the disc holds the whole tent it is 1, so that
- * nothing bright behind a near thing shines through it. */
-static void take_shares(const ChiaroCubeKernel *kernel, Vec3 d, float c, float s, Cover *cover)
+/* Samples tell the share of a texel to a few parts in a hundred. Where the disc, whose half angle has this cosine and
+ * sine, holds the whole tent it is 1, so that nothing bright behind a near thing shines through it. */
+static float share_of(const ChiaroCubeKernel *kernel, uint32_t texel, float angle, Vec3 d, float cosine, float sine)
 {
-    for (uint32_t k = 0; k < cover->count; k++) {
-        uint32_t texel = cover->touched[k];
-        const float *reach = kernel->reach[texel];
-        /* Angle to the centre plus reach at most the disc's half angle: the cosine of (half - reach), where half, whose
-         * cosine and sine are c and s, is the larger. */
-        bool whole = c < reach[0] && vec3_dot(d, vec3_load(kernel->centre[texel])) >= c * reach[0] + s * reach[1];
-        cover->share[texel] = whole ? 1 : fminf(1, cover->share[texel] / kernel->weight[texel]);
-    }
+    const float *reach = kernel->reach[texel];
+    /* Angle to the centre plus reach at most the disc's half angle: the cosine of (half - reach), where half is the larger. */
+    if (cosine < reach[0] &&
+        vec3_dot(d, chiaro_cube_centre(kernel, texel)) >= cosine * reach[0] + sine * reach[1])
+        return 1;
+    return chiaro_min(angle / kernel->weight[texel], 1);
 }
 
 /* A texel covered in part is covered further. */
@@ -151,15 +140,15 @@ static void paint_texel(ChiaroCubeTexel *texel, const ChiaroCubeDisc *disc, floa
     bool nearer = disc->distance < texel->distance;
     /* Side by side, only what does not fit is hidden; else the nearer hides its share of the further. */
     if (nearer)
-        kept = beside ? fminf(before, 1 - share) : before * (1 - share);
+        kept = beside ? chiaro_min(before, 1 - share) : before * (1 - share);
     else
-        share = beside ? fminf(share, 1 - before) : share * (1 - before);
+        share = beside ? chiaro_min(share, 1 - before) : share * (1 - before);
     if (!(share > 0))
         return;
     float keep = kept / before;
     for (uint32_t c = 0; c < 3; c++)
         texel->radiance[c] = keep * texel->radiance[c] + share * disc->radiance[c];
-    texel->coverage = fminf(1, kept + share);
+    texel->coverage = chiaro_min(kept + share, 1);
     texel->distance = (kept * texel->distance + share * disc->distance) / (kept + share);
 }
 
@@ -169,14 +158,21 @@ void chiaro_cube_paint(const ChiaroCubeKernel *kernel, ChiaroCubeTexel *texels, 
     Vec3 direction = vec3_load(disc->direction);
     if (!is_direction(direction) || !(disc->solid_angle > 0) || !(disc->distance > 0) || isinf(disc->distance))
         return;
-    float angle = fminf(disc->solid_angle, 2 * CHIARO_PI), square = angle / (4 * CHIARO_PI), root = sqrtf(square);
+    float angle = chiaro_min(disc->solid_angle, 2 * CHIARO_PI), square = angle / (4 * CHIARO_PI), root = sqrtf(square);
     float half = 2 * asinf(root), cosine = 1 - 2 * square, sine = 2 * root * sqrtf(1 - square);
     float depth = disc->depth > 0 ? disc->depth : disc->distance * sine;
     direction = vec3_normalize(direction);
     cover_disc(kernel, direction, half, angle, &cover);
-    take_shares(kernel, direction, cosine, sine, &cover);
-    for (uint32_t k = 0; k < cover.count; k++)
-        paint_texel(&texels[cover.touched[k]], disc, depth, cover.share[cover.touched[k]]);
+    for (uint32_t first = 0; first < kernel->texel_count; first += 2 * LANES) { /* most are not touched */
+        const float *share = cover.share + first;
+        if (!lanes_any(lanes_load(share) + lanes_load(share + LANES) > lanes_of(0)))
+            continue;
+        for (uint32_t k = 0; k < 2 * LANES; k++) {
+            if (share[k] > 0)
+                paint_texel(&texels[first + k], disc, depth,
+                            share_of(kernel, first + k, share[k], direction, cosine, sine));
+        }
+    }
 }
 
 void chiaro_cube_resolve(const ChiaroCubeKernel *kernel, const ChiaroCubeTexel *texels, const float *background,

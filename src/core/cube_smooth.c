@@ -8,6 +8,10 @@
 
 #include <string.h>
 
+#ifdef __x86_64__
+#include <immintrin.h>
+#endif
+
 /* Of an orbit: the class even in all axes, then those even in one axis alone. */
 enum { CLASSES = 4, ROWS = 3 };
 
@@ -69,6 +73,36 @@ static void multiply(const ChiaroCubeKernel *kernel, const Lanes in[][CLASSES], 
     }
 }
 
+#ifdef __x86_64__
+#define WIDE __attribute__((target("avx")))
+
+/* Numbers of two classes: the first of a row's entry four times, then the second. */
+WIDE static inline __m256 entry_pair(const float entry[2])
+{
+    double both;
+    memcpy(&both, entry, sizeof both);
+    return _mm256_permutevar_ps(_mm256_castpd_ps(_mm256_set1_pd(both)), _mm256_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1));
+}
+
+/* The same sums in the same order, two classes at a time, for processors that can. */
+WIDE static void multiply_wide(const ChiaroCubeKernel *kernel, const Lanes in[][CLASSES], Lanes out[][CLASSES])
+{
+    uint32_t orbits = kernel->orbit_count;
+    for (uint32_t i = 0; i < orbits; i += ROWS) {
+        const float(*a)[2] = kernel->even + i * orbits, (*b)[2] = a + orbits, (*c)[2] = b + orbits;
+        __m256 a0 = {0}, a2 = {0}, b0 = {0}, b2 = {0}, c0 = {0}, c2 = {0};
+        for (uint32_t j = 0; j < orbits; j++) {
+            __m256 low = _mm256_loadu_ps((const float *)in[j]), high = _mm256_loadu_ps((const float *)(in[j] + 2));
+            a0 += entry_pair(a[j]) * low, b0 += entry_pair(b[j]) * low, c0 += entry_pair(c[j]) * low;
+            a2 += a[j][1] * high, b2 += b[j][1] * high, c2 += c[j][1] * high;
+        }
+        float *to = (float *)out[i];
+        _mm256_storeu_ps(to, a0), _mm256_storeu_ps(to + 8, a2), _mm256_storeu_ps(to + 16, b0);
+        _mm256_storeu_ps(to + 24, b2), _mm256_storeu_ps(to + 32, c0), _mm256_storeu_ps(to + 40, c2);
+    }
+}
+#endif
+
 static void join(const ChiaroCubeKernel *kernel, const Lanes even[][CLASSES], const Lanes odd[3], bool add,
                  float *irradiance)
 {
@@ -87,9 +121,15 @@ static void join(const ChiaroCubeKernel *kernel, const Lanes even[][CLASSES], co
 
 static void smooth(const ChiaroCubeKernel *kernel, const float *radiance, bool add, float *irradiance)
 {
-    Lanes in[CUBE_ORBITS][CLASSES], out[CUBE_ORBITS][CLASSES], odd[3] = {{0}, {0}, {0}};
+    _Alignas(2 * sizeof(Lanes)) Lanes in[CUBE_ORBITS][CLASSES], out[CUBE_ORBITS][CLASSES];
+    Lanes odd[3] = {{0}, {0}, {0}};
     split(kernel, radiance, in, odd);
-    multiply(kernel, (const Lanes(*)[CLASSES])in, out);
+#ifdef __x86_64__
+    if (kernel->wide)
+        multiply_wide(kernel, (const Lanes(*)[CLASSES])in, out);
+    else
+#endif
+        multiply(kernel, (const Lanes(*)[CLASSES])in, out);
     join(kernel, (const Lanes(*)[CLASSES])out, odd, add, irradiance);
 }
 

@@ -26,16 +26,22 @@ enum {
 struct ChiaroCubeKernel {
     uint32_t edge, texel_count, orbit_count;
     ChiaroCubeMethod method;
+    bool wide; /* the processor multiplies eight numbers at a time */
     ChiaroAllocator allocator;
     uint16_t rim[6 * CUBE_RIM * CUBE_RIM];       /* [face][1 + row][1 + column]; CUBE_NO_TEXEL at corners of the cube */
     uint16_t orbit[CUBE_ORBITS][8];              /* texels; bit a of the second index: negative along axis a */
     uint16_t place[CHIARO_CUBE_MAX_TEXELS];      /* 8 * orbit + octant of a texel */
     float weight[CHIARO_CUBE_MAX_TEXELS];        /* solid angle of a texel's tent */
-    float centre[CHIARO_CUBE_MAX_TEXELS][3];     /* unit */
+    float centre[3][CHIARO_CUBE_MAX_TEXELS];     /* unit */
     float reach[CHIARO_CUBE_MAX_TEXELS][2];      /* cosine and sine of the angle from centre to the tent's rim */
     float even[CUBE_ORBITS * CUBE_ORBITS][2];    /* row by row: class even in all axes, class even in x alone */
     float odd_row[CUBE_ORBITS], odd_column[CUBE_ORBITS]; /* class odd in x alone: row times column */
 };
+
+static inline Vec3 chiaro_cube_centre(const ChiaroCubeKernel *kernel, uint32_t texel)
+{
+    return vec3(kernel->centre[0][texel], kernel->centre[1][texel], kernel->centre[2][texel]);
+}
 
 /* Four texels and their weights, which add up to 1. */
 typedef struct ChiaroCubeTaps {
@@ -43,40 +49,42 @@ typedef struct ChiaroCubeTaps {
     float weight[4];
 } ChiaroCubeTaps;
 
-/* Faces that directions lie on, four at a time, and where on their rims: counted from the centre of the first texel. The
- * zero vector is somewhere. */
+/* Where four directions lie between texels: the first of four texels on the rims, and the four's weights. The zero vector
+ * is somewhere. */
 typedef struct ChiaroCubePlaces {
-    LaneMask along_x, along_y, below;
-    Lanes u, v;
+    LaneMask first;
+    Lanes weight[4];
 } ChiaroCubePlaces;
 
 static inline ChiaroCubePlaces chiaro_cube_places(const ChiaroCubeKernel *kernel, const Lanes d[3])
 {
-    Lanes zero = lanes_of(0), x = lanes_max(d[0], -d[0]), y = lanes_max(d[1], -d[1]), z = lanes_max(d[2], -d[2]);
-    ChiaroCubePlaces places = {.along_x = (x >= y) & (x >= z), .along_y = y >= z};
-    Lanes major = lanes_choose(places.along_x, d[0], lanes_choose(places.along_y, d[1], d[2]));
-    places.below = ~(major > zero);
-    Lanes side = lanes_choose(places.below, lanes_of(-1), lanes_of(1)), edge = lanes_of((float)kernel->edge);
+    Lanes zero = lanes_of(0), one = lanes_of(1), x = lanes_max(d[0], -d[0]), y = lanes_max(d[1], -d[1]), z = lanes_max(d[2], -d[2]);
+    LaneMask along_x = (x >= y) & (x >= z), along_y = y >= z;
+    Lanes major = lanes_choose(along_x, d[0], lanes_choose(along_y, d[1], d[2]));
+    LaneMask above = major > zero;
+    Lanes side = lanes_choose(above, one, -one), edge = lanes_of((float)kernel->edge), row = edge + 2;
     /* As chiaro_cube_direction() has them. */
-    Lanes u = lanes_choose(places.along_x, -d[2] * side, lanes_choose(places.along_y, d[0], d[0] * side));
-    Lanes v = lanes_choose(places.along_x, -d[1], lanes_choose(places.along_y, d[2] * side, -d[1]));
-    /* The zero vector divides to NaN. */
+    Lanes u = lanes_choose(along_x, -d[2] * side, lanes_choose(along_y, d[0], d[0] * side));
+    Lanes v = lanes_choose(along_x, -d[1], lanes_choose(along_y, d[2] * side, -d[1]));
+    Lanes face = lanes_choose(along_x, zero, lanes_choose(along_y, 2 * one, 4 * one)) + lanes_choose(above, zero, one);
+    /* Counted from the centre of the rim's first texel. The zero vector divides to NaN. */
     Lanes scale = edge / (2 * major * side), middle = edge / 2 + 0.5f, most = edge + 0.5f;
-    places.u = lanes_min(lanes_max(middle + scale * u, zero), most);
-    places.v = lanes_min(lanes_max(middle + scale * v, zero), most);
-    return places;
+    u = lanes_min(lanes_max(middle + scale * u, zero), most);
+    v = lanes_min(lanes_max(middle + scale * v, zero), most);
+    Lanes i = lanes_whole(u), j = lanes_whole(v), s = u - i, t = v - j;
+    return (ChiaroCubePlaces){__builtin_convertvector((face * row + j) * row + i, LaneMask),
+                              {(one - s) * (one - t), s * (one - t), (one - s) * t, s * t}};
 }
 
-/* Between which texels one of them lies. */
+/* One of the four. */
 static inline ChiaroCubeTaps chiaro_cube_place_taps(const ChiaroCubeKernel *kernel, const ChiaroCubePlaces *places,
                                                     uint32_t lane)
 {
-    uint32_t axis = places->along_x[lane] ? 0 : places->along_y[lane] ? 1 : 2, face = 2 * axis + (places->below[lane] & 1);
-    uint32_t i = (uint32_t)places->u[lane], j = (uint32_t)places->v[lane], row = kernel->edge + 2;
-    float s = places->u[lane] - (float)i, t = places->v[lane] - (float)j;
-    const uint16_t *rim = kernel->rim + ((size_t)face * row + j) * row + i;
+    uint32_t row = kernel->edge + 2;
+    const uint16_t *rim = kernel->rim + places->first[lane];
     ChiaroCubeTaps taps = {{rim[0], rim[1], rim[row], rim[row + 1]},
-                           {(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t}};
+                           {places->weight[0][lane], places->weight[1][lane], places->weight[2][lane],
+                            places->weight[3][lane]}};
     for (uint32_t k = 0; k < 4; k++) {
         if (taps.texel[k] != CUBE_NO_TEXEL)
             continue;

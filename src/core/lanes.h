@@ -27,6 +27,8 @@ static inline Lanes lanes_choose(LaneMask mask, Lanes a, Lanes b)
 {
     return (Lanes)(((LaneMask)a & mask) | ((LaneMask)b & ~mask));
 }
+/* Without what comes after the point. */
+static inline Lanes lanes_whole(Lanes a) { return __builtin_convertvector(__builtin_convertvector(a, LaneMask), Lanes); }
 static inline float lanes_sum(Lanes a) { return (a[0] + a[1]) + (a[2] + a[3]); }
 
 /* Compilers find no single instruction for these by themselves. */
@@ -42,6 +44,7 @@ static inline void lanes_store_bytes(LaneMask whole, unsigned char bytes[4])
     int32_t four = _mm_cvtsi128_si32(_mm_packus_epi16(words, words));
     memcpy(bytes, &four, sizeof four);
 }
+static inline void lanes_transpose(Lanes rows[4]) { _MM_TRANSPOSE4_PS(rows[0], rows[1], rows[2], rows[3]); }
 #else
 static inline Lanes lanes_min(Lanes a, Lanes b) { return lanes_choose(a < b, a, b); }
 static inline Lanes lanes_max(Lanes a, Lanes b) { return lanes_choose(a > b, a, b); }
@@ -56,6 +59,13 @@ static inline void lanes_store_bytes(LaneMask whole, unsigned char bytes[4])
 {
     for (int lane = 0; lane < LANES; lane++)
         bytes[lane] = (unsigned char)whole[lane];
+}
+static inline void lanes_transpose(Lanes rows[4])
+{
+    Lanes old[4];
+    memcpy(old, rows, sizeof old);
+    for (int row = 0; row < LANES; row++)
+        rows[row] = (Lanes){old[0][row], old[1][row], old[2][row], old[3][row]};
 }
 #endif
 

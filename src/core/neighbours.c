@@ -60,7 +60,7 @@ static float power(float value, uint32_t exponent)
 }
 
 /* Whatever a host's numbers are, what comes out can be compared. */
-static float sane(float weight) { return weight > 0 ? fminf(weight, FLT_MAX) : 0; }
+static float sane(float weight) { return weight > 0 ? chiaro_min(weight, FLT_MAX) : 0; }
 
 float chiaro_neighbour_weight(const ChiaroNeighbourKind *kind, const ChiaroNeighbourObject *object,
                               const ChiaroNeighbourObject *other)
@@ -71,7 +71,7 @@ float chiaro_neighbour_weight(const ChiaroNeighbourKind *kind, const ChiaroNeigh
     float radius = other->radius, square = vec3_dot(way, way);
     if (!(square >= 0)) /* not a number */
         return 0;
-    square = fmaxf(square, radius * radius);
+    square = chiaro_max(square, radius * radius);
     switch (kind->type) {
     case CHIARO_NEIGHBOUR_LIGHT: return sane(radius * radius / square * other->brightness);
     case CHIARO_NEIGHBOUR_OCCLUDER: return sane(radius * radius / square);
@@ -285,9 +285,9 @@ static uint32_t pick_friend(const Slice *slice, uint32_t self, const List *list,
         return CHIARO_NONE;
     uint32_t via = list->entries[random_below(random, list->count)].object, count;
     const ChiaroNeighbour *friends = last_list(slice->neighbours, slice->kind, via, &count);
-    uint32_t start = random_below(random, count);
-    for (uint32_t i = 0; i < count; i++) {
-        uint32_t candidate = friends[(start + i) % count].object;
+    uint32_t place = random_below(random, count);
+    for (uint32_t i = 0; i < count; i++, place = place + 1 < count ? place + 1 : 0) {
+        uint32_t candidate = friends[place].object;
         if (candidate != self && !holds(list, candidate))
             return candidate;
     }

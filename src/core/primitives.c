@@ -64,9 +64,9 @@ static void axis_cosines(Vec3 n, float cosines[6])
  * (sin a + (pi - a) cos a) / pi. */
 static float sphere_phase(float cosine)
 {
-    cosine = fmaxf(-1, fminf(1, cosine));
+    cosine = chiaro_clamp(cosine, -1, 1);
     float angle = acosf(cosine);
-    return fmaxf(0, sqrtf(fmaxf(0, 1 - cosine * cosine)) + (CHIARO_PI - angle) * cosine) / CHIARO_PI;
+    return chiaro_max(sqrtf(chiaro_max(1 - cosine * cosine, 0)) + (CHIARO_PI - angle) * cosine, 0) / CHIARO_PI;
 }
 
 /* ------------------------------------------------------------------------------------------------------------------
@@ -88,7 +88,7 @@ static float axes_area(const ChiaroPrimitive *node, Vec3 d)
     axis_weights(d, node->projected_blend, weights);
     for (uint32_t i = 0; i < 6; i++)
         sum += weights[i] * node->projected[i];
-    return fmaxf(0, sum);
+    return chiaro_max(sum, 0);
 }
 
 /* Sum of all six: A rho / pi. */
@@ -114,7 +114,7 @@ static Vec3 dot_reflected(const ChiaroPrimitive *node, Vec3 light, Vec3 viewer)
     float cosine = chiaro_cone_cosine(flatness), along = (1 + cosine + cosine * cosine) / 3;
     float fade = (x < sine ? (x + sine) / (2 * sine) : 1) * (y < sine ? (y + sine) / (2 * sine) : 1);
     float across = (vec3_dot(light, viewer) - x * y) * fade;
-    return vec3_scale(whole_reflected(node), fmaxf(0, along * lit * seen + (1 - along) / 2 * across));
+    return vec3_scale(whole_reflected(node), chiaro_max(along * lit * seen + (1 - along) / 2 * across, 0));
 }
 
 /* A sphere, coloured by the axes that light and viewer look at. */
@@ -416,11 +416,11 @@ static void fill_leaf(const Build *build, ChiaroPrimitive *node, Truth *truth)
         vec3_store(node->reflected[i], vec3_scale(given, cosines[i] * cosines[i]));
     }
     for (uint32_t i = 0; i < DIRECTIONS; i++)
-        truth->area[i] = e->area * fmaxf(0, vec3_dot(n, build->directions[i]));
+        truth->area[i] = e->area * chiaro_max(vec3_dot(n, build->directions[i]), 0);
     for (uint32_t i = 0; i < DIRECTIONS * PAIRS_EACH; i++) {
         float viewer = vec3_dot(n, build->directions[i / PAIRS_EACH]);
         float light = vec3_dot(n, build->directions[partner(i / PAIRS_EACH, i % PAIRS_EACH)]);
-        truth->reflected[i] = luminance * fmaxf(0, viewer) * fmaxf(0, light);
+        truth->reflected[i] = luminance * chiaro_max(viewer, 0) * chiaro_max(light, 0);
     }
 }
 
@@ -445,7 +445,7 @@ static float bounding_radius(const Build *build, const ChiaroPrimitive *node)
     for (uint32_t i = node->first; i < node->first + node->count; i++) {
         const ChiaroElement *e = &build->elements[build->order[i]];
         float distance = vec3_length(vec3_sub(vec3_load(e->position), vec3_load(node->center)));
-        radius = fmaxf(radius, distance + sqrtf(e->area / CHIARO_PI));
+        radius = chiaro_max(distance + sqrtf(e->area / CHIARO_PI), radius);
     }
     return radius;
 }
@@ -578,7 +578,7 @@ ChiaroResult chiaro_primitives_build(const ChiaroElement *elements, uint32_t ele
 
 ChiaroPrimitiveWalk chiaro_primitive_walk_begin(const ChiaroPrimitives *primitives, const float point[3], float angle)
 {
-    float sine = sinf(fmaxf(0, fminf(CHIARO_PI, angle)) / 2);
+    float sine = sinf(chiaro_max(chiaro_min(angle, CHIARO_PI), 0) / 2);
     return (ChiaroPrimitiveWalk){primitives, {point[0], point[1], point[2]}, sine * sine, 0};
 }
 
@@ -616,7 +616,7 @@ void chiaro_neighbour_light(const float center[3], float radius, const float alb
     vec3_store(toward_viewer, vec3_normalize(vec3_sub(vec3_load(viewer), vec3_load(center))));
     chiaro_half_angle_normal(toward, toward_viewer, normal);
     /* Both cosines are the same, that of half the phase angle. */
-    float cosine = fmaxf(0, vec3_dot(vec3_load(normal), vec3_load(toward)));
+    float cosine = chiaro_max(vec3_dot(vec3_load(normal), vec3_load(toward)), 0);
     float phase = 2.0f / 3 * powf(cosine, 10.0f / 3);
     float near_share = light->type == CHIARO_LIGHT_SUN ? 1 : sphere_near_share(radius, distance);
     Vec3 irradiance = vec3_scale(vec3_load(rgb), near_share);

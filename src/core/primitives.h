@@ -12,7 +12,7 @@
  * (1 + cosine) / 2 long. */
 static inline float chiaro_cone_cosine(float flatness)
 {
-    return flatness > CHIARO_FLAT ? 1 : fmaxf(0, 2 * flatness - 1);
+    return flatness > CHIARO_FLAT ? 1 : chiaro_max(2 * flatness - 1, 0);
 }
 
 static inline float chiaro_cone_sine(float flatness)
@@ -24,7 +24,7 @@ static inline float chiaro_cone_sine(float flatness)
 /* max(0, x) as a cone of normals sees it: between -sine and sine only some of them face there. */
 static inline float chiaro_cone_facing(float x, float sine)
 {
-    return x >= sine ? fmaxf(0, x) : x > -sine ? (x + sine) * (x + sine) / (4 * sine) : 0;
+    return x >= sine ? chiaro_max(x, 0) : x > -sine ? (x + sine) * (x + sine) / (4 * sine) : 0;
 }
 
 /* What chiaro_primitives_sum() has for the root, and for nothing else. */

@@ -279,7 +279,7 @@ static const float srgb_to_linear[256] = {
 static float wrap_coordinate(float x, uint32_t wrap)
 {
     if (wrap == CHIARO_WRAP_CLAMP)
-        return fminf(fmaxf(x, 0), 1);
+        return chiaro_clamp(x, 0, 1);
     return wrap == CHIARO_WRAP_MIRROR ? x - 2 * floorf(x / 2) : x - floorf(x);
 }
 
@@ -345,7 +345,7 @@ float chiaro_surface(const ChiaroScene *scene, uint32_t part, uint32_t triangle,
     }
     for (uint32_t i = 0; i < 3; i++) {
         float tint = material->albedo[i] * color[i] * mix3(a->color[i], b->color[i], c->color[i], u, v);
-        albedo[i] = fminf(fmaxf(tint, 0), CHIARO_MAX_ALBEDO);
+        albedo[i] = chiaro_clamp(tint, 0, CHIARO_MAX_ALBEDO);
         emission[i] = material->emission[i] * glow[i];
     }
     return material->alpha * color[3] * mix3(a->color[3], b->color[3], c->color[3], u, v);
@@ -367,16 +367,16 @@ void chiaro_light_at(const ChiaroLight *light, const float point[3], float towar
         return;
     }
     Vec3 line = vec3_sub(vec3_load(light->position), vec3_load(point)), unit = vec3_normalize(line);
-    float d = vec3_length(line), attenuation = 1 / fmaxf(d * d, MIN_SQUARED_DISTANCE);
+    float d = vec3_length(line), attenuation = 1 / chiaro_max(d * d, MIN_SQUARED_DISTANCE);
     /* Window and cone as the extension KHR_lights_punctual of glTF recommends them. */
     if (light->range > 0) {
         float q = d / light->range;
-        attenuation *= fminf(fmaxf(1 - q * q * q * q, 0), 1);
+        attenuation *= chiaro_clamp(1 - q * q * q * q, 0, 1);
     }
     if (light->type == CHIARO_LIGHT_SPOT) {
-        float scale = 1 / fmaxf(0.001f, light->cos_inner - light->cos_outer);
+        float scale = 1 / chiaro_max(light->cos_inner - light->cos_outer, 0.001f);
         float along = -vec3_dot(vec3_load(light->direction), unit);
-        float cone = fminf(fmaxf((along - light->cos_outer) * scale, 0), 1);
+        float cone = chiaro_clamp((along - light->cos_outer) * scale, 0, 1);
         attenuation *= cone * cone;
     }
     vec3_store(toward, unit);

@@ -6,6 +6,11 @@
 
 #define CHIARO_PI 3.14159265358979323846f
 
+/* In this form these are no calls; what is not a number becomes `most`, `least` or `low`. */
+static inline float chiaro_min(float x, float most) { return x < most ? x : most; }
+static inline float chiaro_max(float x, float least) { return x > least ? x : least; }
+static inline float chiaro_clamp(float x, float low, float high) { return chiaro_min(chiaro_max(x, low), high); }
+
 typedef struct Vec3 {
     float x, y, z;
 } Vec3;
@@ -20,7 +25,7 @@ static inline Vec3 vec3_scale(Vec3 a, float s) { return (Vec3){a.x * s, a.y * s,
 static inline Vec3 vec3_mad(Vec3 a, Vec3 b, float s) { return (Vec3){a.x + b.x * s, a.y + b.y * s, a.z + b.z * s}; }
 static inline float vec3_dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 static inline float vec3_length(Vec3 a) { return sqrtf(vec3_dot(a, a)); }
-static inline float vec3_max(Vec3 a) { return fmaxf(a.x, fmaxf(a.y, a.z)); }
+static inline float vec3_max(Vec3 a) { return chiaro_max(a.x, chiaro_max(a.y, a.z)); }
 static inline Vec3 vec3_cross(Vec3 a, Vec3 b)
 {
     return (Vec3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
@@ -47,14 +52,7 @@ static inline Vec3 vec3_cosine_direction(Vec3 n, float u, float v)
     Vec3 t, b;
     float r = sqrtf(u), phi = 2 * CHIARO_PI * v;
     vec3_frame(n, &t, &b);
-    return vec3_mad(vec3_mad(vec3_scale(n, sqrtf(fmaxf(0, 1 - u))), t, r * cosf(phi)), b, r * sinf(phi));
-}
-
-/* In this form it is no call; what is not a number becomes `low`. */
-static inline float chiaro_clamp(float x, float low, float high)
-{
-    x = x > low ? x : low;
-    return x < high ? x : high;
+    return vec3_mad(vec3_mad(vec3_scale(n, sqrtf(chiaro_max(1 - u, 0))), t, r * cosf(phi)), b, r * sinf(phi));
 }
 
 /* No component below 0; NaN becomes 0. */

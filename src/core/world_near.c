@@ -13,7 +13,7 @@ void chiaro_near_add(Near *near, const NearThing *thing)
 {
     if (thing->ball) {
         const float ball[BALL_NUMBERS] = {thing->center.x, thing->center.y, thing->center.z,
-                                          sqrtf(CHIARO_PI / fmaxf(thing->area, 1e-30f)), thing->visible, thing->radiance.x,
+                                          sqrtf(CHIARO_PI / chiaro_max(thing->area, 1e-30f)), thing->visible, thing->radiance.x,
                                           thing->radiance.y, thing->radiance.z};
         for (uint32_t k = 0; k < BALL_NUMBERS && near->ball_count < WORLD_MAX_BALLS; k++)
             near->balls[near->ball_count][k] = ball[k];
@@ -101,14 +101,15 @@ void chiaro_near_sum(Near *near, const NearReceivers *receivers, uint32_t count,
     for (uint32_t k = 0; k < LANES - 1; k++)
         near->plates[NEAR_VISIBLE][near->plate_count + k] = 0;
     NearSum balls = sum_balls(near, receivers);
+    Lanes rows[LANES] = {balls.color[0], balls.color[1], balls.color[2], balls.forms};
+    lanes_transpose(rows);
     for (uint32_t r = 0; r < count; r++) {
-        Lanes all = {balls.color[0][r], balls.color[1][r], balls.color[2][r], balls.forms[r]};
         if (near->plate_count) {
             Vec3 point = vec3(receivers->point[0][r], receivers->point[1][r], receivers->point[2][r]);
             Vec3 normal = vec3(receivers->normal[0][r], receivers->normal[1][r], receivers->normal[2][r]);
             NearSum sum = sum_plates(near, point, normal);
-            all += (Lanes){lanes_sum(sum.color[0]), lanes_sum(sum.color[1]), lanes_sum(sum.color[2]), lanes_sum(sum.forms)};
+            rows[r] += (Lanes){lanes_sum(sum.color[0]), lanes_sum(sum.color[1]), lanes_sum(sum.color[2]), lanes_sum(sum.forms)};
         }
-        memcpy(light[r], &all, sizeof all);
+        memcpy(light[r], &rows[r], sizeof rows[r]);
     }
 }

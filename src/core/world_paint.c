@@ -104,7 +104,7 @@ static uint32_t list_all(const Canvas *canvas, Listed listed[MAX_LISTED])
         if (!world->bodies[id].present)
             continue;
         Listed entry = listed_of(canvas, id);
-        float radius = world->neighbour_objects[id].radius, weight = radius / fmaxf(entry.distance + radius, radius);
+        float radius = world->neighbour_objects[id].radius, weight = radius / chiaro_max(entry.distance + radius, radius);
         uint32_t place = total;
         if (total == world->desc.neighbours) {
             for (uint32_t k = place = 0; k < total; k++)
@@ -303,7 +303,7 @@ static bool join_pieces(const Piece *pieces, uint32_t count, Piece *sum)
         sum->emission = vec3_mad(sum->emission, piece->emission, area);
         sum->visible += piece->visible * area, sum->leaf_area += piece->leaf_area * area;
         sum->area += area, sum->seen += piece->seen;
-        sum->distance = fminf(sum->distance, piece->distance);
+        sum->distance = chiaro_min(piece->distance, sum->distance);
     }
     Vec3 *means[] = {&sum->center, &sum->ambient, &sum->direct, &sum->albedo, &sum->emission};
     for (uint32_t k = 0; k < sizeof means / sizeof *means; k++)
@@ -319,7 +319,7 @@ static void add_pieces(Canvas *canvas, const Piece *pieces, uint32_t count)
     const ChiaroWorld *world = canvas->world;
     Piece sum;
     bool flat = join_pieces(pieces, count, &sum);
-    float span = fmaxf(FINEST * canvas->radius, PLATE_SPAN * (sum.distance - canvas->radius));
+    float span = chiaro_max(PLATE_SPAN * (sum.distance - canvas->radius), FINEST * canvas->radius);
     if (flat && sum.seen < span * span) {
         add_plate(canvas, &sum, near_radiance(world, &sum));
     } else if (count > 4) {
@@ -360,7 +360,7 @@ static void take_ray(Canvas *canvas, const StaticRay *ray, const StaticHit *hit,
                      .leaf_area = sample->area, .back = back};
     piece->center = vec3_mad(canvas->center, ray->direction, distance);
     piece->seen = ray->angle * distance * distance;
-    piece->area = piece->seen / fmaxf(GRAZING, fabsf(cosine));
+    piece->area = piece->seen / chiaro_max(fabsf(cosine), GRAZING);
     if (!(world->without & CHIARO_WORLD_WITHOUT_EMITTERS))
         piece->emission = vec3_load(sample->emission);
     if (light->lit) {
@@ -423,28 +423,25 @@ static void resolve(Canvas *canvas)
     }
 }
 
+/* What is kept of far light where so much of the row is far and so much near, and what both are scaled by then. */
+typedef struct Fill {
+    Lanes keep, scale;
+} Fill;
+
 /* What is near is nearer from the hull than from the centre, so what is far has to make room; or it has moved aside, as
  * the frame of a window does, and more of what is far is seen. What both leave of the row then, both fill. */
-static Lanes fill_row(const float texel[4], const float near[4])
+static Fill fill_rows(Lanes far, Lanes near)
 {
-    float far = chiaro_clamp(texel[3], 0, INFINITY), keep = 1, scale = 1;
-    if (far + near[3] > LEAST_WEIGHT) {
-        keep = chiaro_clamp((1 - near[3]) / chiaro_clamp(far, LEAST_WEIGHT, INFINITY), 0, FAR_GROWS);
-        scale = 1 / (keep * far + near[3]);
-    }
-    return (lanes_load(near) + keep * lanes_load(texel)) * scale;
+    Lanes zero = lanes_of(0), one = lanes_of(1), least = lanes_of(LEAST_WEIGHT);
+    far = lanes_max(far, zero);
+    LaneMask seen = far + near > least;
+    Lanes keep = lanes_min(lanes_max((one - near) / lanes_max(far, least), zero), lanes_of(FAR_GROWS));
+    return (Fill){lanes_choose(seen, keep, one), lanes_choose(seen, one / (keep * far + near), one)};
 }
+
+static Lanes fourths(const float *texels) { return (Lanes){texels[3], texels[7], texels[11], texels[15]}; }
 
 static bool has_near(const Canvas *canvas) { return canvas->near_things.plate_count || canvas->near_things.ball_count; }
-
-static void set_receiver(NearReceivers *receivers, uint32_t lane, Vec3 point, Vec3 normal)
-{
-    float p[3], n[3];
-    vec3_store(p, point);
-    vec3_store(n, normal);
-    for (uint32_t c = 0; c < 3; c++)
-        receivers->point[c][lane] = p[c], receivers->normal[c][lane] = n[c];
-}
 
 /* The hull's cube: places from the middle of the part, in the object's own space. NULL: it is not known. */
 static const float *hull_of(const ChiaroWorld *world, const ChiaroObject *object, uint32_t part)
@@ -463,7 +460,7 @@ float chiaro_world_skin(const ChiaroWorld *world, const ChiaroObject *object)
         sum += vec3_length(vec3_load(hull + 4 * t));
     float radius = sum / (float)world->texel_count;
     for (uint32_t t = 0; t < world->texel_count; t++) {
-        Vec3 off = vec3_mad(vec3_load(hull + 4 * t), vec3_load(world->kernel->centre[t]), -radius);
+        Vec3 off = vec3_mad(vec3_load(hull + 4 * t), chiaro_cube_centre(world->kernel, t), -radius);
         if (!(vec3_length(off) <= ROUND_SKIN * radius))
             return 0;
     }
@@ -477,8 +474,9 @@ static void place_receivers(const Canvas *canvas, uint32_t first, NearReceivers 
     const Body *body = canvas->body;
     const float *hull = hull_of(world, &body->object, canvas->part);
     Lanes way[3];
-    for (uint32_t lane = 0; lane < LANES; lane++)
-        set_receiver(receivers, lane, canvas->center, vec3_load(world->kernel->centre[first + lane]));
+    const float center[3] = {canvas->center.x, canvas->center.y, canvas->center.z};
+    for (uint32_t c = 0; c < 3; c++)
+        receivers->point[c] = lanes_of(center[c]), receivers->normal[c] = lanes_load(world->kernel->centre[c] + first);
     if (!hull)
         return;
     if (body->skin > 0) {
@@ -523,10 +521,16 @@ static void fill_texels(const Canvas *canvas, const float *far, float *texels)
     float sharp[4 * CHIARO_CUBE_MAX_TEXELS];
     memcpy(sharp, light, 4 * world->texel_count * sizeof *light);
     chiaro_cube_sharpen(world->kernel, sharp);
-    for (uint32_t t = 0; t < 4 * world->texel_count; t += 4) {
-        /* What differs more from its neighbours than a cosine does is an edge, which no look-up rounds off. */
-        Lanes value = lanes_min(fill_row(far + t, sharp + t), MOST_RAISED * fill_row(far + t, light + t));
-        memcpy(texels + t, &value, 3 * sizeof *texels);
+    for (uint32_t first = 0; first < 4 * world->texel_count; first += 4 * LANES) {
+        Fill raised = fill_rows(fourths(far + first), fourths(sharp + first));
+        Fill plain = fill_rows(fourths(far + first), fourths(light + first));
+        for (uint32_t lane = 0, t = first; lane < LANES; lane++, t += 4) {
+            Lanes value = (lanes_load(sharp + t) + raised.keep[lane] * lanes_load(far + t)) * raised.scale[lane];
+            Lanes unsharp = (lanes_load(light + t) + plain.keep[lane] * lanes_load(far + t)) * plain.scale[lane];
+            /* What differs more from its neighbours than a cosine does is an edge, which no look-up rounds off. */
+            value = lanes_min(value, MOST_RAISED * unsharp);
+            memcpy(texels + t, &value, 3 * sizeof *texels);
+        }
     }
 }
 
@@ -539,7 +543,7 @@ static float face_weight(const Canvas *canvas, uint32_t e)
     const float *spread = object->element_more[e].spread, texel = CHIARO_PI / 2 / (float)canvas->world->desc.edge;
     float thick = chiaro_spread_along(spread, vec3_load(object->elements[e].normal));
     float extent = (spread[0] + spread[1] + spread[2]) * texel * texel;
-    return object->elements[e].area * fmaxf(0, extent > 0 ? 1 - FACE_BEND * thick / extent : 1);
+    return object->elements[e].area * chiaro_max(extent > 0 ? 1 - FACE_BEND * thick / extent : 1, 0);
 }
 
 /* Flat faces are looked up along one normal only, between texels as a rule, and what is near may change its light faster
@@ -550,29 +554,32 @@ static void fit_faces(Canvas *canvas, const float *far, float *texels)
     const ChiaroCubeKernel *kernel = canvas->world->kernel;
     const ChiaroObject *object = &canvas->body->object;
     const Pose *pose = &canvas->body->pose;
-    float wrong[4 * CHIARO_CUBE_MAX_TEXELS] = {0}; /* the fourth number is the weight */
+    float wrong[4 * CHIARO_CUBE_MAX_TEXELS]; /* the fourth number is the weight */
+    bool any = false;
     uint32_t stride = 1 + object->element_count / (FACES_A_PART * (object->part_count + 1));
     for (uint32_t e = 0; e < object->element_count; e += stride) {
-        float weight = face_weight(canvas, e), n[3], there[4], now[4], near[1][4];
+        float weight = face_weight(canvas, e), near[1][4];
         if (object->element_more[e].part != canvas->part || !(weight > 0))
             continue;
         Vec3 normal = pose_turn(pose, vec3_load(object->elements[e].normal));
-        NearReceivers receiver = {0};
-        set_receiver(&receiver, 0, pose_point(pose, vec3_load(object->elements[e].position)), normal);
-        vec3_store(n, normal);
+        Vec3 point = pose_point(pose, vec3_load(object->elements[e].position));
+        const NearReceivers receiver = {{{point.x}, {point.y}, {point.z}}, {{normal.x}, {normal.y}, {normal.z}}};
         chiaro_near_sum(&canvas->near_things, &receiver, 1, near);
-        chiaro_cube_look_up(kernel, far, n, there);
-        chiaro_cube_look_up(kernel, texels, n, now);
-        Lanes missing = fill_row(there, near[0]) - lanes_load(now);
-        missing[3] = 1; /* the weight */
         ChiaroCubeTaps taps = chiaro_cube_taps(kernel, normal);
+        Lanes there = chiaro_cube_mix(&taps, far);
+        Fill fill = fill_rows(lanes_of(there[3]), lanes_of(near[0][3]));
+        Lanes missing = (lanes_load(near[0]) + fill.keep * there) * fill.scale - chiaro_cube_mix(&taps, texels);
+        missing[3] = 1; /* the weight */
+        if (!any)
+            memset(wrong, 0, sizeof wrong);
+        any = true;
         for (uint32_t k = 0; k < 4; k++) {
             float *sum = wrong + 4 * taps.texel[k];
             Lanes more = lanes_load(sum) + weight * taps.weight[k] * missing;
             memcpy(sum, &more, sizeof more);
         }
     }
-    for (uint32_t t = 0; t < 4 * canvas->world->texel_count; t += 4) {
+    for (uint32_t t = 0; any && t < 4 * canvas->world->texel_count; t += 4) {
         if (wrong[t + 3] > 0)
             vec3_store(texels + t, vec3_mad(vec3_load(texels + t), vec3_load(wrong + t), 1 / wrong[t + 3]));
     }
@@ -686,7 +693,7 @@ static void light_elements(ChiaroWorld *world, const Body *body)
 {
     const ChiaroObject *object = &body->object;
     float *radiosity = world->radiosity + 3 * (size_t)body->first_element;
-    ChiaroCubePlaces places = {.u = lanes_of(0)};
+    ChiaroCubePlaces places = {.first = {0}};
     for (uint32_t e = 0; e < object->element_count; e++) {
         const ChiaroElement *element = &object->elements[e];
         const ChiaroObjectElement *more = &object->element_more[e];

@@ -26,7 +26,7 @@ ChiaroResult chiaro_world_irradiance(ChiaroWorld *world, const float point[3], f
         return result;
     chiaro_cube_look_up(world->kernel, texels, normal, value);
     for (uint32_t c = 0; c < 3; c++)
-        irradiance[c] = CHIARO_PI * fmaxf(0, value[c]);
+        irradiance[c] = CHIARO_PI * chiaro_max(value[c], 0);
     return CHIARO_OK;
 }
 

@@ -69,7 +69,7 @@ static ChiaroNeighbourObject neighbour_of(const ChiaroWorld *world, const Body *
     vec3_store(object.position, pose_point(&body->pose, vec3_load(body->object.center)));
     object.radius = radius;
     /* A ball of radiosity b sends b r^2 toward each of the six axes. */
-    float brightest = fmaxf(sum[0], fmaxf(sum[1], sum[2])) / 6;
+    float brightest = vec3_max(vec3_load(sum)) / 6;
     object.brightness = body->object.radius > 0 ? brightest / (body->object.radius * body->object.radius) : 0;
     return object;
 }
@@ -155,11 +155,11 @@ static float urgency_of(const ChiaroWorld *world, const Body *body)
     float radius = body->pose.scale * body->object.radius, score = body->changed, seen = 1;
     if (world->has_eye) {
         Vec3 way = vec3_sub(pose_point(&body->pose, vec3_load(body->object.center)), world->eye);
-        float square = fmaxf(vec3_dot(way, way), radius * radius);
+        float square = chiaro_max(vec3_dot(way, way), radius * radius);
         seen = radius * radius / square * (vec3_dot(way, world->forward) > -radius ? 1 : UNSEEN);
     }
     score *= seen;
-    return world->most_changed > 0 ? fminf(1, score / world->most_changed) : 0;
+    return world->most_changed > 0 ? chiaro_min(score / world->most_changed, 1) : 0;
 }
 
 static void begin_painting(ChiaroWorld *world)
@@ -241,7 +241,7 @@ static void publish(ChiaroWorld *world, Body *body)
     body->changed = (float)(change + (double)share * level) / (float)(body->object.part_count * world->texel_count);
     body->moved = 0;
     body->shown = world->round_began;
-    world->most_changing = fmaxf(world->most_changing, body->changed);
+    world->most_changing = chiaro_max(body->changed, world->most_changing);
 }
 
 static void end_round(ChiaroWorld *world)
