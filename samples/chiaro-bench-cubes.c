@@ -94,7 +94,7 @@ static void smooth_by_harmonics(Bench *bench)
 static void fill_harmonics(Bench *bench)
 {
     for (uint32_t t = 0; t < bench->count; t++) {
-        Vec3 d = vec3_load(bench->kernel->centre[t]);
+        Vec3 d = chiaro_cube_centre(bench->kernel, t);
         const float h[HARMONICS] = {0.282095f, 0.488603f * d.y, 0.488603f * d.z, 0.488603f * d.x,
                                     1.092548f * d.x * d.y, 1.092548f * d.y * d.z, 0.315392f * (3 * d.z * d.z - 1),
                                     1.092548f * d.x * d.z, 0.546274f * (d.x * d.x - d.y * d.y)};
