@@ -4,6 +4,7 @@
 #include <stddef.h>
 
 #include <cmocka.h>
+#include <libgen.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -395,8 +396,30 @@ static void the_same_kernel_comes_out_every_time(void **state)
     chiaro_cube_kernel_destroy(again);
 }
 
-int main(void)
+/* It reads what is inside kernels: it has to come to its end. How fast things are is not asked. */
+static void the_benchmark_tells_of_every_cube(void **state)
 {
+    const char *program = *state;
+    char line[512];
+    uint32_t lines = 0, edge;
+    double parity;
+    FILE *output = popen(program, "r");
+    assert_non_null(output);
+    while (fgets(line, sizeof line, output)) {
+        lines++;
+        if (sscanf(line, "cube %ux%*ux6 : parity against dense %lf", &edge, &parity) == 2)
+            assert_below("parity", edge, parity, 2e-6);
+    }
+    assert_int_equal(pclose(output), 0);
+    assert_int_equal(lines, 2 * EDGES);
+}
+
+int main(int argc, char **argv)
+{
+    (void)argc;
+    char folder[2048], program[4096];
+    snprintf(folder, sizeof folder, "%s", argv[0]);
+    snprintf(program, sizeof program, "%s/../bin/chiaro-bench-cubes", dirname(folder));
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_texel_has_its_octant_and_its_orbit),
         cmocka_unit_test(a_texel_is_looked_up_at_its_centre_and_a_corner_is_the_mean_of_three),
@@ -411,6 +434,7 @@ int main(void)
         cmocka_unit_test(changes_can_be_added),
         cmocka_unit_test(creation_refuses_and_cleans_up),
         cmocka_unit_test(the_same_kernel_comes_out_every_time),
+        {"the_benchmark_tells_of_every_cube", the_benchmark_tells_of_every_cube, NULL, NULL, program},
     };
     return cmocka_run_group_tests(tests, make_kernels, free_kernels);
 }
