@@ -434,7 +434,10 @@ int main(int argc, char **argv)
         cmocka_unit_test(changes_can_be_added),
         cmocka_unit_test(creation_refuses_and_cleans_up),
         cmocka_unit_test(the_same_kernel_comes_out_every_time),
+    };
+    const struct CMUnitTest programs[] = {
         {"the_benchmark_tells_of_every_cube", the_benchmark_tells_of_every_cube, NULL, NULL, program},
     };
-    return cmocka_run_group_tests(tests, make_kernels, free_kernels);
+    int failed = cmocka_run_group_tests(tests, make_kernels, free_kernels);
+    return failed + cmocka_run_group_tests(programs, NULL, NULL);
 }
