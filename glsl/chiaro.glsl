@@ -608,17 +608,42 @@ struct ChiaroBehind {
     float forms;
 };
 
-/* Shaders of pixels that leave the far part to vertices define CHIARO_NEAR_ONLY: they hold no code that asks cubes. */
-void chiaro_add_behind(uint first, vec3 way, float form, inout ChiaroBehind behind)
+/* Irradiance from the key light behind a blocker that the blocker hides, and what that light makes of the radiance that is
+ * had back from the blocker's cube. `beyond`: from the blocker's centre to it. Twin of chiaro_key_hidden and
+ * chiaro_key_seen. */
+vec3 chiaro_key_hidden(uint first, vec3 intensity, vec3 beyond, vec3 way, vec3 normal, float form, out vec3 seen)
+{
+    vec3 toward = way + beyond, ahead = way / max(length(way), 1e-20);
+    float square = max(dot(toward, toward), 1e-20), distance = sqrt(square), apart = length(ahead - toward / distance);
+    float own = sqrt(min(form / max(dot(normal, ahead), 0.1), 1));
+    float radius = uintBitsToFloat(chiaro_blocker_word(first + CHIARO_BLOCKER_KEY_RADIUS));
+    float spot = clamp(radius / distance, 1e-3, 1), least = min(own, spot);
+    float within = clamp((own + spot - apart) / max(2 * least, 1e-6), 0, 1);
+    float covered = within * within * (3 - 2 * within) * min(own * own / (spot * spot), 1);
+    float away = max(dot(beyond, beyond), 1e-20), cosine = dot(ahead, beyond) / sqrt(away);
+    float share = cosine * (cosine > 0 ? CHIARO_BEHIND_FRONT : -CHIARO_BEHIND_BACK) + CHIARO_BEHIND_MEAN / 4;
+    seen = intensity * (share / away);
+    return intensity * (covered * clamp(2 * cosine, 0, 1) * max(dot(normal, toward), 0) / (square * distance));
+}
+
+/* `share` of the form counts. Shaders of pixels that leave the far part to vertices define CHIARO_NEAR_ONLY: they hold no
+ * code that asks cubes. */
+void chiaro_add_behind(uint first, vec3 way, vec3 normal, float share, float form, inout ChiaroBehind behind)
 {
 #ifndef CHIARO_NEAR_ONLY
     uint cube = chiaro_blocker_word(first + CHIARO_BLOCKER_CUBE);
-    if (cube != ~0u && form > 0) {
+    if (cube != ~0u && share * form > 0) {
         vec3 seen = chiaro_cube_radiance(cube, way, chiaro_blocker_vector(first + CHIARO_BLOCKER_MEAN));
-        behind.light += form * vec4(max(seen, vec3(0)), 1);
+        vec3 intensity = chiaro_blocker_vector(first + CHIARO_BLOCKER_KEY_INTENSITY), own;
+        if (any(greaterThan(intensity, vec3(0)))) {
+            vec3 beyond = chiaro_blocker_vector(first + CHIARO_BLOCKER_KEY) - chiaro_blocker_vector(first);
+            behind.light.rgb += share * chiaro_key_hidden(first, intensity, beyond, way, normal, form, own);
+            seen -= own;
+        }
+        behind.light += share * form * vec4(max(seen, vec3(0)), 1);
     }
 #endif
-    behind.forms += form;
+    behind.forms += share * form;
 }
 
 /* What is left of irradiance of which all but `open` is blocked, where `hidden` is what comes from behind. Where blocked is
@@ -678,7 +703,7 @@ float chiaro_sum_pieces(uint entry, uint end, bool far, vec3 point, vec3 normal,
         float share = chiaro_blocker_window(square, CHIARO_NEAR);
         if (far) {
             float all = chiaro_blocker_window(square, CHIARO_REACH);
-            chiaro_add_behind(first, way, all * form, behind);
+            chiaro_add_behind(first, way, normal, all, form, behind);
             share = all - share;
         }
         form *= share;
@@ -715,7 +740,7 @@ vec3 chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, vec3 irradiance, o
         float form = chiaro_ball_form(square, dot(normal, in_radii)), share = all - chiaro_blocker_window(square, CHIARO_NEAR);
         open *= chiaro_take_object(share * form, share * form * radiance, vec3(0), bounce);
         shine += all * form * vec4(radiance, 1);
-        chiaro_add_behind(first, way, all * form, behind);
+        chiaro_add_behind(first, way, normal, all, form, behind);
     }
     if (pieces)
         open *= chiaro_sum_pieces(balls, balls + (word >> 26), true, point, normal, bounce, behind);

@@ -114,15 +114,18 @@ CHIARO_STRUCT(ChiaroGpuObject)
 };
 
 /* ChiaroWorldBlocker, in words: processors that fetch them one by one take no more than they need. */
-#define CHIARO_BLOCKER_WORDS 36u
+#define CHIARO_BLOCKER_WORDS 43u
 #define CHIARO_BLOCKER_RADIUS 3u
 #define CHIARO_BLOCKER_ACROSS 4u
 #define CHIARO_BLOCKER_ALONG 7u
 #define CHIARO_BLOCKER_RADIANCE 10u
 #define CHIARO_BLOCKER_EMISSION 28u
 #define CHIARO_BLOCKER_MEAN 31u
-#define CHIARO_BLOCKER_OBJECT 34u
-#define CHIARO_BLOCKER_CUBE 35u
+#define CHIARO_BLOCKER_KEY 34u
+#define CHIARO_BLOCKER_KEY_RADIUS 37u
+#define CHIARO_BLOCKER_KEY_INTENSITY 38u
+#define CHIARO_BLOCKER_OBJECT 41u
+#define CHIARO_BLOCKER_CUBE 42u
 
 /* The grids of blockers (ChiaroBlockerCells). Entries of the far one are blockers. In the near one, which is read by
  * pixel, a plain ball is itself, in two words: its centre from the cell's low corner, and the root of its radius, as

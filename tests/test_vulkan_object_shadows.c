@@ -462,6 +462,69 @@ static void light_of_the_scene_comes_back_without_waiting(void **state)
     free_shape(&shape);
 }
 
+/* Renders the indirect component of a baked scene until all of it is settled. */
+static const float *lit_picture(Play *play, float *picture)
+{
+    for (int i = 0; i < 40; i++)
+        update_when(&play->stage, play->stage.host.frame - 1);
+    memcpy(picture, settled(play), SIZE * SIZE * 4 * sizeof *picture);
+    return picture;
+}
+
+/* A panel that glows over the floor: a ball under it throws a shadow where its line from the panel meets the floor, as deep
+ * as the CPU says. */
+static void a_ball_throws_a_shadow_in_light_that_is_no_lamps(void **state)
+{
+    (void)state;
+    static float alone[SIZE * SIZE * 4], with[SIZE * SIZE * 4];
+    const Vec3 panel = {0.9f, 2.6f, 0.4f}, ball = {0.45f, 1, 0.2f}, along = vec3_sub(ball, panel);
+    const float eye = 40, up[3] = {0, 1, 0}, albedo = 0.7f / CHIARO_PI, half = 0.4f;
+    Shape shape = make_shape("sphere", 0.5f);
+    Play play = {.stage = open_stage((HostDesc){0}), .scene = floor_mesh()};
+    ChiaroBakeDesc bake = {.struct_size = sizeof bake, .samples = 1024, .rays = 256, .receivers = 4000};
+    ChiaroBlob blob;
+    ChiaroTransport transport;
+    float transform[16];
+    mesh_material(&play.scene, 0.5f, 30);
+    mesh_quad(&play.scene, vec3(panel.x - half, panel.y, panel.z - half), vec3(panel.x + half, panel.y, panel.z - half),
+              vec3(panel.x + half, panel.y, panel.z + half), vec3(panel.x - half, panel.y, panel.z + half));
+    assert_int_equal(chiaro_bake(&play.scene.scene, &bake, &blob), CHIARO_OK);
+    assert_int_equal(chiaro_transport_open(blob.data, blob.size, &transport, NULL), CHIARO_OK);
+    create_context(&play.stage, NULL);
+    set_component(&play.stage, CHIARO_COMPONENT_INDIRECT, false);
+    load_transport(&play.stage, &transport);
+    set_camera(&play.stage, vec3(0, eye, 0), vec3(0, -1, 0), vec3(0, 0, -1), 2 * atanf(3 / eye));
+    play.world = make_world(4, CHIARO_CUBE_UNORM8, &transport);
+    load_objects(&play, &shape.made.scene, &shape.object);
+    lit_picture(&play, alone);
+    moved_to(transform, ball, 0, 1);
+    add_object(&play, &shape.object, transform);
+    lit_picture(&play, with);
+    Vec3 foot = vec3_mad(ball, along, -ball.y / along.y), darkest = {0, 0, 0};
+    double wrong = 0, change = 0, least = 1;
+    for (uint32_t i = 0; i < SIZE * SIZE; i++) {
+        Vec3 p = pixel_place(i);
+        float point[3], bounce[3], before = alone[4 * i];
+        if (hypotf(p.x - ball.x, p.z - ball.z) < 0.3f || fabsf(p.x) > 2.9f || fabsf(p.z) > 2.9f)
+            continue; /* the ball is in front */
+        vec3_store(point, p);
+        float open = chiaro_world_blocked(play.world, point, up, bounce);
+        double told = fmax(0, (double)(open * before + albedo * bounce[0])), shown = (double)with[4 * i];
+        wrong += (shown - told) * (shown - told), change += (shown - (double)before) * (shown - (double)before);
+        if (shown / (double)before < least)
+            least = shown / (double)before, darkest = p;
+    }
+    float off = hypotf(darkest.x - foot.x, darkest.z - foot.z);
+    printf("  %.2f of the light is left where it is darkest, %.2f m from where it should be; the CPU is %.3f away\n", least,
+           (double)off, sqrt(wrong / change));
+    assert_below("left", 0, least, 0.55);
+    assert_below("place", 0, (double)off, 0.25);
+    assert_below("as the CPU says", 0, sqrt(wrong / change), 0.1);
+    close_play(&play);
+    chiaro_blob_free(&blob);
+    free_shape(&shape);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -473,6 +536,7 @@ int main(void)
         cmocka_unit_test(a_ball_darkens_the_floor_as_the_cpu_says),
         cmocka_unit_test(a_box_darkens_the_floor_as_the_cpu_says),
         cmocka_unit_test(light_of_the_scene_comes_back_without_waiting),
+        cmocka_unit_test(a_ball_throws_a_shadow_in_light_that_is_no_lamps),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

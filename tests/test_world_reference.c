@@ -126,7 +126,8 @@ static void balls_on_a_plane_under_a_sky_and_a_sun(void **state)
  * Carried through a room
  */
 
-enum { PLACES = 8, PLACE_PATHS = 256 };
+enum { PLACES = 8, PLACE_PATHS = 256, PLACE_PROBES = 80 };
+static const float AROUND = 1.2f; /* m */
 
 /* A scene whose vertices are turned about the upright axis. */
 static void turn(ChiaroScene *scene, const float m[16])
@@ -142,7 +143,35 @@ static void turn(ChiaroScene *scene, const float m[16])
     }
 }
 
-static double error_at(const ChiaroScene *room, Lit *lit, const Moving *moving, const float m[16])
+/* Static surfaces about an object, with what it does to them and without. */
+typedef struct Around {
+    Sums with, without;
+} Around;
+
+static void compare_around(const Lit *lit, ChiaroWorld *world, const ChiaroReference *reference, const float place[3],
+                           Around *around)
+{
+    ChiaroRandom random = chiaro_random_seed(4, 4);
+    const float even[3] = {1, 1, 1};
+    uint32_t done = 0;
+    for (uint32_t tries = 0; tries < 100000 && done < PLACE_PROBES; tries++) {
+        uint32_t r = chiaro_random_bits(&random) % lit->transport.receiver_count;
+        const ChiaroReceiver *receiver = &lit->transport.receivers[r];
+        float distance = vec3_length(vec3_sub(vec3_load(receiver->position), vec3_load(place))), value[3], bounce[3];
+        if (distance > AROUND)
+            continue;
+        ChiaroReferenceIrradiance truth =
+            chiaro_reference_irradiance(reference, receiver->position, receiver->normal, PLACE_PATHS, 0, tries, 2);
+        float open = chiaro_world_blocked(world, receiver->position, receiver->normal, bounce);
+        for (int c = 0; c < 3; c++)
+            value[c] = fmaxf(0, open * lit->irradiance[3 * r + (uint32_t)c] + bounce[c]);
+        compare(&around->with, value, truth.indirect, even);
+        compare(&around->without, lit->irradiance + 3 * r, truth.indirect, even);
+        done++;
+    }
+}
+
+static double error_at(const ChiaroScene *room, Lit *lit, const Moving *moving, const float m[16], Around *around)
 {
     const float origin[3] = {0, 0, 0};
     ChiaroScene turned = piece_make(&moving->scene, 0, moving->scene.part_count, origin), both;
@@ -178,6 +207,7 @@ static double error_at(const ChiaroScene *room, Lit *lit, const Moving *moving, 
         assert_int_equal(chiaro_object_irradiance(world, id, v, value), CHIARO_OK);
         compare(&sums, value, truth.indirect, even);
     }
+    compare_around(lit, world, reference, m + 12, around);
     chiaro_world_destroy(world);
     chiaro_reference_destroy(reference);
     chiaro_rays_destroy(rays);
@@ -199,11 +229,12 @@ static void carry(const Moving *moving, const char *what)
                                             {4.4f, 4.4f, 4.6f}, {2.8f, 3.0f, 0.8f}};
     TestScene room = make_scene("cornell", (SceneRequest){0});
     double errors[PLACES];
+    Around around = {.with = {.wrong = 0}};
     Lit lit = lit_make(&room.scene, NULL, 2048);
     for (int k = 0; k < PLACES; k++) {
         float c = cosf(0.7f * (float)k), s = sinf(0.7f * (float)k);
         const float m[16] = {c, 0, -s, 0, 0, 1, 0, 0, s, 0, c, 0, places[k][0], places[k][1], places[k][2], 1};
-        errors[k] = error_at(&room.scene, &lit, moving, m);
+        errors[k] = error_at(&room.scene, &lit, moving, m, &around);
         print_message("%s at %.1f %.1f %.1f: relRMSE %.4f\n", what, (double)places[k][0], (double)places[k][1],
                       (double)places[k][2], errors[k]);
     }
@@ -212,6 +243,10 @@ static void carry(const Moving *moving, const char *what)
     print_message("%s: median %.4f, worst %.4f\n", what, median, errors[PLACES - 1]);
     assert_below("median relRMSE", 0, median, 0.12);
     assert_below("worst relRMSE", 0, errors[PLACES - 1], 0.25);
+    print_message("walls about it: relRMSE %.4f, ratio %.4f (%.4f without it)\n", relrmse(&around.with),
+                  around.with.value / around.with.truth, relrmse(&around.without));
+    assert_below("relRMSE of walls", 0, relrmse(&around.with), 0.14);
+    assert_near("mean ratio of walls", 0, around.with.value / around.with.truth, 1, 0.06);
     lit_free(&lit);
     scenes_free(&room);
 }

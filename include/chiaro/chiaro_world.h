@@ -329,9 +329,11 @@ CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *wo
  * What is behind a blocker is what its cube sees in the direction from the receiver to it: as much of radiance as can be had
  * back from irradiance, 2.75 of what the cube shows there, 1.25 of what it shows on the opposite side, less three times its
  * mean, and never below 0 (R. Ramamoorthi and P. Hanrahan, "An Efficient Representation for Irradiance Environment Maps",
- * 2001: irradiance has radiance's mean, two thirds of what is odd, a quarter of what is of second order). `hidden` is the mean
- * over blockers, by their forms times both windows, the irradiance itself where there is no cube yet. With left of all objects
- * and gone = 1 - left, of the far shares first, then of the near ones,
+ * 2001: irradiance has radiance's mean, two thirds of what is odd, a quarter of what is of second order). That is too wide
+ * for shadows, so each cube remembers the brightest spot that it sees of the static scene, its key light: what of that the
+ * blocker covers, as discs cover each other, is hidden as well, and what the key light makes of the cube is taken out of it
+ * first. `hidden` is the mean over blockers, by their forms times both windows, the irradiance itself where there is no cube
+ * yet. With left of all objects and gone = 1 - left, of the far shares first, then of the near ones,
  *     irradiance' = left * (irradiance + gone * (1 + gone) * (irradiance - hidden)) + bounce:
  * gone * hidden is taken away, near enough, where little is gone, and all where all is. Near ones hide what the far ones
  * left: left * hidden + bounce. */
@@ -345,6 +347,9 @@ typedef struct ChiaroWorldBlocker {
     float radiance[6][3]; /**< Ball: toward +x -x +y -y +z -z of the world. */
     float emission[3];    /**< Of the radiance, what it would have in the dark. */
     float mean[3];        /**< Of what its cube shows, over all directions. */
+    float key[3];         /**< The brightest spot of the static scene that its cube sees: a ball about this place, */
+    float key_radius; /**< of this radius, */
+    float key_intensity[3]; /**< which sends this alike all round, W/sr. 0: there is none. */
     uint32_t object;      /**< Its number. */
     uint32_t cube;        /**< Slot of the cube that sees what is behind it; CHIARO_NONE: that shows no light yet. */
 } ChiaroWorldBlocker;

@@ -120,7 +120,7 @@ static void cover_disc(const ChiaroCubeKernel *kernel, Vec3 d, float half, float
 static float share_of(const ChiaroCubeKernel *kernel, uint32_t texel, float angle, Vec3 d, float cosine, float sine)
 {
     const float *reach = kernel->reach[texel];
-    /* Angle to the centre plus reach at most the disc's half angle: the cosine of (half - reach), where half is the larger. */
+    /* Angle to the centre plus reach at most the half angle: the cosine of (half - reach), where half is the larger. */
     if (cosine < reach[0] &&
         vec3_dot(d, chiaro_cube_centre(kernel, texel)) >= cosine * reach[0] + sine * reach[1])
         return 1;

@@ -58,7 +58,8 @@ typedef struct ChiaroCubePlaces {
 
 static inline ChiaroCubePlaces chiaro_cube_places(const ChiaroCubeKernel *kernel, const Lanes d[3])
 {
-    Lanes zero = lanes_of(0), one = lanes_of(1), x = lanes_max(d[0], -d[0]), y = lanes_max(d[1], -d[1]), z = lanes_max(d[2], -d[2]);
+    Lanes zero = lanes_of(0), one = lanes_of(1);
+    Lanes x = lanes_max(d[0], -d[0]), y = lanes_max(d[1], -d[1]), z = lanes_max(d[2], -d[2]);
     LaneMask along_x = (x >= y) & (x >= z), along_y = y >= z;
     Lanes major = lanes_choose(along_x, d[0], lanes_choose(along_y, d[1], d[2]));
     LaneMask above = major > zero;

@@ -75,7 +75,8 @@ static bool make_shine(ChiaroWorld *world, Shine *shine)
     size_t texels = (size_t)world->desc.cube_capacity * world->texel_count;
     shine->texels = chiaro_world_alloc(world, texels, 4 * sizeof(float));
     shine->axes = chiaro_world_alloc(world, 2 * (size_t)world->desc.element_capacity, 18 * sizeof(float));
-    return shine->texels && shine->axes;
+    shine->keys = chiaro_world_alloc(world, world->desc.cube_capacity, sizeof *shine->keys);
+    return shine->texels && shine->axes && shine->keys;
 }
 
 static bool make_cells(ChiaroWorld *world, CellGrid *grid)
@@ -175,7 +176,8 @@ void chiaro_world_destroy(ChiaroWorld *world)
     void *all[] = {world->sky, world->sky_slopes, world->bodies, world->slot_taken, world->slot_body,
                    world->slot_painted, world->element_taken, world->encoded, world->scales,
                    world->radiosity, world->neighbour_memory, world->neighbour_objects, world->kernel_memory,
-                   world->last.texels, world->last.axes, world->next.texels, world->next.axes,
+                   world->last.texels, world->last.axes, world->last.keys, world->next.texels,
+                   world->next.axes, world->next.keys,
                    world->roots, world->parent, world->stack, world->tiles, world->tile_leaf, world->boxes,
                    world->rays, world->canvases, world->asked, world->light.lights,
                    world->light.total, world->light.ambient, world->coming.lights, world->coming.total,
@@ -317,6 +319,7 @@ static void darken(ChiaroWorld *world, const Body *body)
     size_t cube = 4 * (size_t)world->texel_count, nodes = 2 * (size_t)body->object.element_count;
     for (uint32_t k = 0; k < 2; k++) {
         memset(both[k]->texels + body->first_slot * cube, 0, body->object.part_count * cube * sizeof(float));
+        memset(both[k]->keys + body->first_slot, 0, body->object.part_count * sizeof *both[k]->keys);
         memset(both[k]->axes + 36 * (size_t)body->first_element, 0, 18 * nodes * sizeof(float));
     }
     for (uint32_t p = 0; p < body->object.part_count; p++)

@@ -7,6 +7,7 @@
  *   world_rays.c      what a cube's centre sees of them
  *   world_paint.c     a cube, painted: static surfaces, neighbours, sky, smoothing, what is near seen from the skin
  *   world_near.c      what is near a hull, summed for one normal
+ *   world_key.c       the brightest spot that a cube sees, and the shadow of an object in its light
  *   world_blockers.c  what stands for an object where it acts on static surfaces
  *   world_cells.c     which of them matter where, and what they do there
  */
@@ -30,9 +31,16 @@ typedef struct Pose {
     float scale;
 } Pose;
 
+/* A bright spot, as a ball that shines alike all round. */
+typedef struct KeyLight {
+    Vec3 place, intensity; /* W/sr; none: there is no such spot */
+    float radius;
+} KeyLight;
+
 /* What of an object exists twice: as the round reads it, and as the round writes it. */
 typedef struct Shine {
     float *texels; /* [slot][texel][4]: irradiance / pi */
+    KeyLight *keys; /* [slot]: the brightest that its cube sees */
     float *axes;   /* [node][18] of all objects: what each node gives off (chiaro_primitives_sum) */
 } Shine;
 
@@ -109,7 +117,13 @@ typedef struct StaticHit {
     uint32_t tile; /* CHIARO_NONE: the sky */
 } StaticHit;
 
-enum { WORLD_MAX_NEAR = 1024, WORLD_MAX_BALLS = 64, WORLD_TICKS_A_ROUND = 4, WORLD_BLOCK = 16, WORLD_BATCH = 8 };
+/* What a ray of a cube shows. */
+typedef struct KeyRay {
+    Vec3 direction, radiance;
+    float angle, distance;
+} KeyRay;
+
+enum { WORLD_MAX_RAYS = 1536, WORLD_MAX_NEAR = 1024, WORLD_MAX_BALLS = 64, WORLD_TICKS_A_ROUND = 4, WORLD_BLOCK = 16, WORLD_BATCH = 8 };
 
 /* Something near a hull: a plate, or a ball of which so much area is seen. */
 typedef struct NearThing {
@@ -255,6 +269,15 @@ Vec3 chiaro_world_direct(const ChiaroWorld *world, Vec3 point, Vec3 normal);
 void chiaro_near_add(Near *near, const NearThing *thing);
 /* What comes from near things to so many places of the hull: irradiance / pi, and how much of the hemisphere they take. */
 void chiaro_near_sum(Near *near, const NearReceivers *receivers, uint32_t count, float light[][4]);
+
+/* --- world_key.c --- */
+/* From rays about a centre. */
+KeyLight chiaro_key_find(const KeyRay *rays, uint32_t count, Vec3 center);
+/* Irradiance from the key light behind a blocker that the blocker hides. `way`: from the receiver to its centre; `form`: its
+ * form factor. Twin of chiaro_key_hidden in glsl/chiaro.glsl. */
+Vec3 chiaro_key_hidden(const ChiaroWorldBlocker *blocker, Vec3 normal, Vec3 way, float form);
+/* What the key light makes of the radiance, times pi, that is had back from the blocker's cube. */
+Vec3 chiaro_key_seen(const ChiaroWorldBlocker *blocker, Vec3 way);
 
 /* --- world_blockers.c --- */
 void chiaro_blockers_choose(const ChiaroObject *object, BlockerPieces *pieces);

@@ -221,7 +221,8 @@ static Vec3 cube_mean(const ChiaroWorld *world, const float *texels)
 }
 
 /* The cube of the nearest part, if it shows any light. */
-static void ask_nearest(const Pose *pose, const Body *body, const Vec3 *means, ChiaroWorldBlocker *blocker)
+static void ask_nearest(const Pose *pose, const Body *body, const Vec3 *means, const KeyLight *keys,
+                        ChiaroWorldBlocker *blocker)
 {
     uint32_t nearest = 0;
     float least = INFINITY;
@@ -233,6 +234,9 @@ static void ask_nearest(const Pose *pose, const Body *body, const Vec3 *means, C
     }
     blocker->cube = vec3_max(means[nearest]) > 0 ? body->first_slot + nearest : CHIARO_NONE;
     vec3_store(blocker->mean, means[nearest]);
+    vec3_store(blocker->key, keys[nearest].place);
+    vec3_store(blocker->key_intensity, keys[nearest].intensity);
+    blocker->key_radius = keys[nearest].radius;
 }
 
 uint32_t chiaro_blockers_make(const ChiaroWorld *world, uint32_t id, const Pose *pose, const Shine *shine,
@@ -261,7 +265,7 @@ uint32_t chiaro_blockers_make(const ChiaroWorld *world, uint32_t id, const Pose 
     for (uint32_t d = 0; d < count; d++) {
         blockers[d] = drafts[d].plate ? finish_plate(pose, &drafts[d], id)
                                       : make_ball(pose, body, drafts[d].node, axes + 18 * (size_t)drafts[d].node, id);
-        ask_nearest(pose, body, means, &blockers[d]);
+        ask_nearest(pose, body, means, shine->keys + body->first_slot, &blockers[d]);
     }
     return count;
 }

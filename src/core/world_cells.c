@@ -451,8 +451,12 @@ static Lanes ask_cube(const Receiver *at, uint32_t slot, const ChiaroCubeTaps *t
     return sum;
 }
 
-static void add_behind(const Receiver *at, const ChiaroWorldBlocker *blocker, Vec3 way, float form, Behind *behind)
+/* `share` of the form counts. */
+static void add_behind(const Receiver *at, const ChiaroWorldBlocker *blocker, Vec3 way, float share, float form,
+                       Behind *behind)
 {
+    const float whole = form;
+    form *= share;
     behind->forms += form;
     if (blocker->cube == CHIARO_NONE || !(form > 0))
         return;
@@ -463,8 +467,12 @@ static void add_behind(const Receiver *at, const ChiaroWorldBlocker *blocker, Ve
     Lanes there = ask_cube(at, blocker->cube, &front), here = ask_cube(at, blocker->cube, &back);
     const Lanes mean = {blocker->mean[0], blocker->mean[1], blocker->mean[2]};
     Lanes seen = CHIARO_BEHIND_FRONT * there + CHIARO_BEHIND_BACK * here + CHIARO_BEHIND_MEAN * mean;
-    seen = lanes_max(seen, lanes_of(0));
-    behind->light = vec3_mad(behind->light, vec3(seen[0], seen[1], seen[2]), CHIARO_PI * form);
+    Vec3 rest = vec3_scale(vec3(seen[0], seen[1], seen[2]), CHIARO_PI);
+    if (vec3_max(vec3_load(blocker->key_intensity)) > 0) {
+        rest = vec3_sub(rest, chiaro_key_seen(blocker, way));
+        behind->light = vec3_mad(behind->light, chiaro_key_hidden(blocker, vec3_load(at->normal), way, whole), share);
+    }
+    behind->light = vec3_mad(behind->light, vec3_positive(rest), form);
     behind->known += form;
 }
 
@@ -505,7 +513,7 @@ static float sum_balls(const Receiver *at, const uint32_t *entries, uint32_t cou
                 radiance = blocker_shine(ball, vec3_scale(there, -1));
                 vec3_store(shine, vec3_mad(vec3_load(shine), radiance, all[lane] * form[lane]));
                 shine[3] += all[lane] * form[lane];
-                add_behind(at, ball, there, all[lane] * form[lane], behind);
+                add_behind(at, ball, there, all[lane], form[lane], behind);
             }
             open *= take_object(share[lane], vec3_scale(radiance, share[lane]), none, bounce);
         }
@@ -529,7 +537,7 @@ static float sum_pieces(const Receiver *at, const uint32_t *entries, uint32_t co
             continue;
         float form = blocker_form(blocker, at->point, at->normal);
         if (at->far)
-            add_behind(at, blocker, vec3_scale(way, -1), all * form, behind);
+            add_behind(at, blocker, vec3_scale(way, -1), all, form, behind);
         form *= at->far ? all - share : share;
         if (blocker->object != last) {
             open *= take_object(sum, own, emitted, bounce);

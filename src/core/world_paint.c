@@ -61,6 +61,8 @@ typedef struct Canvas {
     float before_near[CHIARO_CUBE_MAX_TEXELS], before_far[CHIARO_CUBE_MAX_TEXELS]; /* of it, in front of neighbours */
     float near_share[CHIARO_CUBE_MAX_TEXELS];     /* of it, near */
     float radiance[4 * CHIARO_CUBE_MAX_TEXELS];
+    KeyRay key_rays[WORLD_MAX_RAYS];
+    uint32_t key_count;
     Near near_things;
     float near_light[CHIARO_CUBE_MAX_TEXELS][4]; /* theirs, by normals */
 } Canvas;
@@ -352,6 +354,10 @@ static void take_ray(Canvas *canvas, const StaticRay *ray, const StaticHit *hit,
     if (light->lit && near < 1 && !back)
         radiance = vec3_load(light->total + 3 * (size_t)find_node(world, leaf, span * distance));
     float visible = paint_ray(canvas, ray, distance, vec3_scale(radiance, 1 / CHIARO_PI), near);
+    if (light->lit && !back) {
+        Vec3 seen = vec3_scale(vec3_load(light->total + 3 * (size_t)leaf), visible / CHIARO_PI);
+        canvas->key_rays[canvas->key_count++] = (KeyRay){ray->direction, seen, ray->angle, distance};
+    }
     if (!(near > 0))
         return;
     const ChiaroSample *sample = &world->desc.transport->samples[leaf];
@@ -609,6 +615,7 @@ static void begin(Canvas *canvas, uint32_t id)
     }
     canvas->near_things.plate_count = canvas->near_things.ball_count = 0;
     canvas->any_near = canvas->any_far = false;
+    canvas->key_count = 0;
     paint_neighbours(canvas, id);
 }
 
@@ -732,6 +739,9 @@ static void paint_steps(ChiaroWorld *world, Canvas *canvas, uint32_t id, uint32_
         canvas->center = pose_point(&body->pose, vec3_load(from->center));
         canvas->radius = from->radius * body->pose.scale;
         paint_step(canvas, id, step % a_part, texels);
+        if ((step + 1) % a_part == 0)
+            world->next.keys[body->first_slot + part] =
+                chiaro_key_find(canvas->key_rays, canvas->key_count, canvas->center);
         for (uint32_t t = 0; (step + 1) % a_part == 0 && t < world->texel_count; t++)
             texels[4 * t + 3] = 1;
     }

@@ -163,6 +163,7 @@ bool chiaro_static_rays(ChiaroWorld *world)
     world->rays = chiaro_world_alloc(world, count, sizeof *world->rays);
     if (!world->rays)
         return false;
+    _Static_assert(6 * RAYS_EDGE_EIGHT * RAYS_EDGE_EIGHT <= WORLD_MAX_RAYS, "canvases have room for them");
     world->ray_count = count;
     for (uint32_t block = 0; block < count / WORLD_BLOCK; block++) {
         uint32_t row = edge / 4, face = block / (row * row), left = 4 * (block % row), top = 4 * (block / row % row);

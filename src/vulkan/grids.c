@@ -18,6 +18,9 @@ _Static_assert(sizeof(ChiaroWorldBlocker) == 4 * CHIARO_BLOCKER_WORDS &&
                    offsetof(ChiaroWorldBlocker, radiance) == 4 * CHIARO_BLOCKER_RADIANCE &&
                    offsetof(ChiaroWorldBlocker, emission) == 4 * CHIARO_BLOCKER_EMISSION &&
                    offsetof(ChiaroWorldBlocker, mean) == 4 * CHIARO_BLOCKER_MEAN &&
+                   offsetof(ChiaroWorldBlocker, key) == 4 * CHIARO_BLOCKER_KEY &&
+                   offsetof(ChiaroWorldBlocker, key_radius) == 4 * CHIARO_BLOCKER_KEY_RADIUS &&
+                   offsetof(ChiaroWorldBlocker, key_intensity) == 4 * CHIARO_BLOCKER_KEY_INTENSITY &&
                    offsetof(ChiaroWorldBlocker, object) == 4 * CHIARO_BLOCKER_OBJECT &&
                    offsetof(ChiaroWorldBlocker, cube) == 4 * CHIARO_BLOCKER_CUBE,
                "words of a blocker");
