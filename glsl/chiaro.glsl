@@ -558,10 +558,13 @@ float chiaro_rectangle_form(vec3 way, vec3 normal, vec3 across, vec3 along)
     if (dot(cross(across, along), way) >= 0)
         return 0;
     vec3 a = way - across - along, b = way + across - along, c = way + across + along, d = way - across + along;
-    a += normal * max(0, -dot(normal, a));
-    b += normal * max(0, -dot(normal, b));
-    c += normal * max(0, -dot(normal, c));
-    d += normal * max(0, -dot(normal, d));
+    vec4 height = normal * mat4x3(a, b, c, d), lift = max(vec4(0), -height);
+    if (all(lessThanEqual(height, vec4(0))))
+        return 0;
+    a += normal * lift.x;
+    b += normal * lift.y;
+    c += normal * lift.z;
+    d += normal * lift.w;
     float sum = chiaro_edge_form(normal, a, b) + chiaro_edge_form(normal, b, c) + chiaro_edge_form(normal, c, d) +
                 chiaro_edge_form(normal, d, a);
     return min(1, abs(sum) / (2 * chiaro_pi));

@@ -697,6 +697,9 @@ static void a_rectangle_blocks_by_lamberts_formula(void **state)
     const float a[3] = {1, 0, 0}, b[3] = {0, 0, 1}, above[3] = {0, 1, 0};
     assert_near("parallel", 1, chiaro_rectangle_form(at, up, above, a, b), rectangle_form(1, 1, 1), 0.002);
     assert_true(chiaro_rectangle_form(at, up, above, b, a) == 0); /* from behind */
+    const float below[3] = {above[0], -above[1], above[2]}, down[3] = {-up[0], -up[1], -up[2]};
+    assert_true(chiaro_rectangle_form(at, up, below, b, a) == 0); /* behind the receiver, as an object beyond a wall is */
+    assert_true(chiaro_rectangle_form(at, down, below, b, a) > 0);
     /* A wall of height 2 and width 2 that stands on the floor 0.5 away: twice the patch over its corner, X = 4, Y = 1/2
      * over its half width: by quadrature here. */
     double sum = 0;

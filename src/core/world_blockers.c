@@ -24,15 +24,19 @@ float chiaro_rectangle_form(const float point[3], const float normal[3], const f
                             const float along[3])
 {
     Vec3 n = vec3_load(normal), u = vec3_load(across), v = vec3_load(along), corner[4];
-    float size = vec3_length(u) + vec3_length(v), sum = 0;
+    float size = vec3_length(u) + vec3_length(v), sum = 0, highest = 0;
     /* A little way into the receiver: what it touches is in front of it. */
     Vec3 way = vec3_mad(vec3_sub(vec3_load(center), vec3_load(point)), n, TOUCH * size);
     if (vec3_dot(vec3_cross(u, v), way) >= 0)
         return 0;
     for (uint32_t k = 0; k < 4; k++) {
         corner[k] = vec3_mad(vec3_mad(way, u, k == 1 || k == 2 ? 1 : -1), v, k < 2 ? -1 : 1);
-        corner[k] = vec3_mad(corner[k], n, fmaxf(0, -vec3_dot(n, corner[k])));
+        float height = vec3_dot(n, corner[k]);
+        highest = chiaro_max(height, highest);
+        corner[k] = vec3_mad(corner[k], n, chiaro_max(-height, 0));
     }
+    if (!(highest > 0)) /* all of it is below the horizon, which its corners would go round */
+        return 0;
     for (uint32_t k = 0; k < 4; k++)
         sum += chiaro_edge_form(n, corner[k], corner[(k + 1) % 4]);
     return fminf(1, fabsf(sum) / (2 * CHIARO_PI));
