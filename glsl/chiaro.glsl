@@ -604,11 +604,31 @@ float chiaro_blocker_form(uint first, vec3 way, vec3 normal, vec3 in_radii, out 
     return chiaro_rectangle_form(way, normal, across, chiaro_blocker_vector(first + CHIARO_BLOCKER_ALONG));
 }
 
+/* By what share a blocker counts at a place: walls may stand between them. Twin of chiaro_blocker_seen. */
+float chiaro_blocker_seen(uint first, vec3 point)
+{
+#ifdef CHIARO_NEAR_ONLY
+    return 1;
+#else
+    float range = uintBitsToFloat(chiaro_blocker_word(first + CHIARO_BLOCKER_RANGE)), sum = 0;
+    if (!(range > 0))
+        return 1;
+    vec3 way = point - chiaro_blocker_vector(first + CHIARO_BLOCKER_MIDDLE);
+    ChiaroCubeTaps taps = chiaro_cube_taps(way, 4);
+    for (uint k = 0; k < 4; k++) {
+        uint word = chiaro_blocker_word(first + CHIARO_BLOCKER_DEPTH_WORDS + taps.texel[k] / 4);
+        sum += taps.weight[k] * float(word >> 8 * (taps.texel[k] % 4) & 255u);
+    }
+    float depth = max(sum * range / 255, 1e-6 * range);
+    return clamp((CHIARO_DEPTH_END - length(way) / depth) / (CHIARO_DEPTH_END - CHIARO_DEPTH_BEGIN), 0, 1);
+#endif
+}
+
 /* What comes from behind blockers, as their cubes see it: the sum over forms, which the fourth number counts, and the sum
- * of all forms. */
+ * of all forms; and of all, were there no walls. */
 struct ChiaroBehind {
     vec4 light;
-    float forms;
+    float forms, bare;
 };
 
 /* Irradiance from the key light behind a blocker that the blocker hides, and what that light makes of the radiance that is
@@ -685,7 +705,7 @@ uint chiaro_find_cell(ChiaroGpuGrid grid, vec3 point, out vec3 corner)
 }
 
 /* Objects that are more than plain balls, from one entry to another: near shares or far ones. */
-float chiaro_sum_pieces(uint entry, uint end, bool far, vec3 point, vec3 normal, inout vec3 bounce,
+float chiaro_sum_pieces(uint entry, uint end, bool far, float near_seen, vec3 point, vec3 normal, inout vec3 bounce,
                         inout ChiaroBehind behind)
 {
     float open = 1, sum = 0;
@@ -706,8 +726,12 @@ float chiaro_sum_pieces(uint entry, uint end, bool far, vec3 point, vec3 normal,
         float share = chiaro_blocker_window(square, CHIARO_NEAR);
         if (far) {
             float all = chiaro_blocker_window(square, CHIARO_REACH);
-            chiaro_add_behind(first, way, normal, all, form, behind);
-            share = all - share;
+            float seen = chiaro_blocker_seen(first, point);
+            behind.bare += all * form;
+            chiaro_add_behind(first, way, normal, seen * all, form, behind);
+            share = seen * (all - share);
+        } else {
+            share *= near_seen;
         }
         form *= share;
         sum += form;
@@ -726,36 +750,39 @@ vec3 chiaro_indirect(uint id, vec3 cavity, vec3 bent, uvec4 parts, vec4 weights)
 /* What objects leave of the indirect irradiance of a point of a static surface, and add to it. This is the part of what is
  * far, by vertex; `shine` and `hidden` are for the other part. `pieces`: there are objects that are more than plain balls.
  * Twin of chiaro_world_blocked_far. */
-vec3 chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, vec3 irradiance, out vec4 shine, out vec3 hidden)
+vec3 chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, vec3 irradiance, out vec4 shine, out vec4 hidden)
 {
     vec3 corner, bounce = vec3(0);
     ChiaroGpuGrid grid = chiaro_shape.far;
     uint word = chiaro_find_cell(grid, point, corner);
     uint entry = grid.first.y + (word & 0xfffffu), balls = entry + (word >> 20 & 63u);
     float open = 1;
-    ChiaroBehind behind = ChiaroBehind(vec4(0), 0);
+    ChiaroBehind behind = ChiaroBehind(vec4(0), 0, 0);
     shine = vec4(0);
     for (; entry < balls; entry++) {
         uint first = CHIARO_BLOCKER_WORDS * chiaro_cell_word(entry);
         vec3 way = chiaro_blocker_vector(first) - point, radiance = chiaro_ball_shine(first, way);
         vec3 in_radii = chiaro_in_radii(uintBitsToFloat(chiaro_blocker_word(first + CHIARO_BLOCKER_RADIUS))) * way;
         float square = dot(in_radii, in_radii), all = chiaro_blocker_window(square, CHIARO_REACH);
-        float form = chiaro_ball_form(square, dot(normal, in_radii)), share = all - chiaro_blocker_window(square, CHIARO_NEAR);
+        float form = chiaro_ball_form(square, dot(normal, in_radii)), seen = chiaro_blocker_seen(first, point);
+        float share = seen * (all - chiaro_blocker_window(square, CHIARO_NEAR));
+        behind.bare += all * form;
+        all *= seen;
         open *= chiaro_take_object(share * form, share * form * radiance, vec3(0), bounce);
         shine += all * form * vec4(radiance, 1);
         chiaro_add_behind(first, way, normal, all, form, behind);
     }
     if (pieces)
-        open *= chiaro_sum_pieces(balls, balls + (word >> 26), true, point, normal, bounce, behind);
+        open *= chiaro_sum_pieces(balls, balls + (word >> 26), true, 1, point, normal, bounce, behind);
     vec3 beyond = irradiance + (behind.light.rgb - behind.light.w * irradiance) / max(behind.forms, 1e-20);
-    hidden = open * beyond + bounce;
+    hidden = vec4(open * beyond + bounce, behind.bare > 0 ? behind.forms / behind.bare : 1);
     return chiaro_left(open, irradiance, beyond) + bounce;
 }
 
 /* And the part of what is near, by pixel, with what the first part left of the irradiance, and its other results. Twin of
  * chiaro_world_blocked_near. The test is at the end of the loop: processors that run several pixels in step would go
  * through it once more than the busiest of them needs it. */
-vec3 chiaro_blocked_near(bool pieces, vec3 point, vec3 normal, vec3 irradiance, vec4 shine, vec3 hidden)
+vec3 chiaro_blocked_near(bool pieces, vec3 point, vec3 normal, vec3 irradiance, vec4 shine, vec4 hidden)
 {
     vec3 corner, bounce = vec3(0), radiance = shine.rgb / max(shine.w, 1e-20);
     ChiaroGpuGrid grid = chiaro_shape.near;
@@ -771,16 +798,16 @@ vec3 chiaro_blocked_near(bool pieces, vec3 point, vec3 normal, vec3 irradiance, 
         way *= chiaro_in_radii(grid.range.z * root * root);
         float square = dot(way, way);
         float form = chiaro_ball_form(square, dot(normal, way)) * chiaro_blocker_window(square, CHIARO_NEAR);
-        form = entry < balls ? min(1, form) : 0;
+        form = entry < balls ? min(1, form) * hidden.w : 0;
         open *= 1 - form;
         given += form * chiaro_gap(1 - form);
         entry += 2;
     } while (entry < balls);
     bounce += chiaro_pi * given * radiance;
-    ChiaroBehind behind = ChiaroBehind(vec4(0), 0); /* the first part has asked */
+    ChiaroBehind behind = ChiaroBehind(vec4(0), 0, 0); /* the first part has asked */
     if (pieces)
-        open *= chiaro_sum_pieces(balls, balls + (word >> 26), false, point, normal, bounce, behind);
-    return max(chiaro_left(open, irradiance, hidden) + bounce, vec3(0));
+        open *= chiaro_sum_pieces(balls, balls + (word >> 26), false, hidden.w, point, normal, bounce, behind);
+    return max(chiaro_left(open, irradiance, hidden.rgb) + bounce, vec3(0));
 }
 
 /* Both parts at once, where a host's shader has no use for two: what objects leave of the indirect irradiance of a static
@@ -788,7 +815,8 @@ vec3 chiaro_blocked_near(bool pieces, vec3 point, vec3 normal, vec3 irradiance, 
 vec3 chiaro_indirect(vec3 irradiance, vec3 point, vec3 normal)
 {
     vec4 shine;
-    vec3 hidden, left = chiaro_blocked_far(true, point, normal, irradiance, shine, hidden);
+    vec4 hidden;
+    vec3 left = chiaro_blocked_far(true, point, normal, irradiance, shine, hidden);
     return chiaro_blocked_near(true, point, normal, left, shine, hidden);
 }
 

@@ -82,6 +82,9 @@ CHIARO_STRUCT(ChiaroGpuLight)
 /* CHIARO_BLOCKER_GAP, _NEAR and _REACH of chiaro_world.h. */
 #define CHIARO_GAP 1.6
 #define CHIARO_NEAR 3.0
+/* In depths of walls: from here on a blocker counts less, and nothing from there on. */
+#define CHIARO_DEPTH_BEGIN 1.15f
+#define CHIARO_DEPTH_END 1.45f
 #define CHIARO_REACH 8.0
 
 /* Irradiance / pi is radiance with its odd part at two thirds and its second order at a quarter: so much of what is ahead, of
@@ -114,7 +117,7 @@ CHIARO_STRUCT(ChiaroGpuObject)
 };
 
 /* ChiaroWorldBlocker, in words: processors that fetch them one by one take no more than they need. */
-#define CHIARO_BLOCKER_WORDS 43u
+#define CHIARO_BLOCKER_WORDS 71u
 #define CHIARO_BLOCKER_RADIUS 3u
 #define CHIARO_BLOCKER_ACROSS 4u
 #define CHIARO_BLOCKER_ALONG 7u
@@ -124,8 +127,11 @@ CHIARO_STRUCT(ChiaroGpuObject)
 #define CHIARO_BLOCKER_KEY 34u
 #define CHIARO_BLOCKER_KEY_RADIUS 37u
 #define CHIARO_BLOCKER_KEY_INTENSITY 38u
-#define CHIARO_BLOCKER_OBJECT 41u
-#define CHIARO_BLOCKER_CUBE 42u
+#define CHIARO_BLOCKER_MIDDLE 41u
+#define CHIARO_BLOCKER_RANGE 44u
+#define CHIARO_BLOCKER_DEPTH_WORDS 45u
+#define CHIARO_BLOCKER_OBJECT 69u
+#define CHIARO_BLOCKER_CUBE 70u
 
 /* The grids of blockers (ChiaroBlockerCells). Entries of the far one are blockers. In the near one, which is read by
  * pixel, a plain ball is itself, in two words: its centre from the cell's low corner, and the root of its radius, as

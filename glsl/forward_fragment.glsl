@@ -34,7 +34,7 @@ layout(location = 3) in vec3 v_irradiance;
 layout(location = 4) in vec4 v_uv;
 #ifdef CHIARO_BLOCKED
 layout(location = 5) in vec4 v_shine;
-layout(location = 6) in vec3 v_hidden;
+layout(location = 6) in vec4 v_hidden;
 #endif
 layout(location = 0) out vec4 color;
 

@@ -38,7 +38,7 @@ layout(location = 4) out vec4 v_uv;
 #ifdef CHIARO_BLOCKED
 layout(constant_id = 4) const bool pieces = true; /* objects are more than plain balls */
 layout(location = 5) out vec4 v_shine; /* of balls, for the pixels */
-layout(location = 6) out vec3 v_hidden;
+layout(location = 6) out vec4 v_hidden;
 #endif
 
 void main()

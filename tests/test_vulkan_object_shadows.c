@@ -297,6 +297,7 @@ static double floor_color(ChiaroWorld *world, const float *alone, Vec3 place, fl
         }
         for (int c = 0; c < 4; c++)
             mean.shine[c] += weights[k] * far.shine[c];
+        mean.seen += weights[k] * far.seen;
     }
     float open = chiaro_world_blocked_near(world, point, up, &mean, bounce);
     for (int c = 0; c < 3; c++) {

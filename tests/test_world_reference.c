@@ -268,12 +268,61 @@ static void a_box_carried_through_a_room(void **state)
     moving_free(&box);
 }
 
+/* A box in the lit one of two rooms, close to the wall between them: the other room does not know of it. */
+static void nothing_is_done_through_a_wall(void **state)
+{
+    (void)state;
+    TestScene room = make_scene("two-rooms", (SceneRequest){0}), shape;
+    assert_true(scenes_make_shape("box", 0.8f, &shape));
+    Moving moving = moving_make(&shape.scene, 0);
+    const float m[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 4.55f, 1, 0.8f, 1};
+    Lit lit = lit_make(&room.scene, NULL, 4096);
+    ChiaroRays *rays;
+    assert_int_equal(chiaro_rays_create(&room.scene, NULL, &rays), CHIARO_OK);
+    lit_light(&lit, room.scene.lights, room.scene.light_count, chiaro_rays_visible, rays);
+    ChiaroWorldDesc desc = {.struct_size = sizeof desc, .object_capacity = 1, .cube_capacity = CHIARO_MAX_OBJECT_PARTS,
+                            .transport = &lit.transport};
+    ChiaroWorld *world;
+    uint32_t id, seen[2] = {0, 0};
+    double changed[2] = {0, 0}, light[2] = {0, 0};
+    assert_int_equal(chiaro_world_create(&desc, &world), CHIARO_OK);
+    lit_world(&lit, world);
+    assert_int_equal(chiaro_object_add(world, &moving.object, m, &id), CHIARO_OK);
+    while (chiaro_world_update(world, 1, NULL) > 0) {
+    }
+    for (uint32_t r = 0; r < lit.transport.receiver_count; r++) {
+        const ChiaroReceiver *receiver = &lit.transport.receivers[r];
+        uint32_t other = receiver->position[0] > 5.1f;
+        float bounce[3];
+        if (vec3_length(vec3_sub(vec3_load(receiver->position), vec3_load(m + 12))) > 2)
+            continue;
+        float open = chiaro_world_blocked(world, receiver->position, receiver->normal, bounce);
+        for (int c = 0; c < 3; c++) {
+            double before = (double)lit.irradiance[3 * r + (uint32_t)c];
+            changed[other] += fabs(fmax(0, (double)open * before + (double)bounce[c]) - before), light[other] += before;
+        }
+        seen[other]++;
+    }
+    print_message("through a wall: %.3f of %u places' light changes, in its own room %.3f of %u\n", changed[1] / light[1],
+                  seen[1], changed[0] / light[0], seen[0]);
+    assert_true(seen[0] > 20 && seen[1] > 20);
+    assert_below("the other room", 0, changed[1] / light[1], 0.1);
+    assert_true(changed[0] / light[0] > 0.05);
+    chiaro_world_destroy(world);
+    chiaro_rays_destroy(rays);
+    lit_free(&lit);
+    moving_free(&moving);
+    scenes_free(&shape);
+    scenes_free(&room);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(balls_on_a_plane_under_a_sky_and_a_sun),
         cmocka_unit_test(a_ball_carried_through_a_room),
         cmocka_unit_test(a_box_carried_through_a_room),
+        cmocka_unit_test(nothing_is_done_through_a_wall),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

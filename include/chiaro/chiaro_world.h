@@ -326,6 +326,9 @@ CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *wo
  * bounce gains mix(sum of emission, sum of radiance, min(1, CHIARO_BLOCKER_GAP * sqrt(left))): close to where it touches,
  * only that part of an object is seen which the gap between the two lights.
  *
+ * Objects do nothing to what is beyond a wall: forms count by a share that falls from 1 to 0 while the distance from the
+ * middle of the cube grows from 1.15 to 1.45 of what static surfaces have there. Near ones count by the mean share of them all.
+ *
  * What is behind a blocker is what its cube sees in the direction from the receiver to it: as much of radiance as can be had
  * back from irradiance, 2.75 of what the cube shows there, 1.25 of what it shows on the opposite side, less three times its
  * mean, and never below 0 (R. Ramamoorthi and P. Hanrahan, "An Efficient Representation for Irradiance Environment Maps",
@@ -340,6 +343,7 @@ CHIARO_API const ChiaroNeighbours *chiaro_world_neighbours(const ChiaroWorld *wo
 #define CHIARO_BLOCKER_NEAR 3.0f
 #define CHIARO_BLOCKER_REACH 8.0f /**< Further off, less than 1 / 64 of the hemisphere is blocked. */
 #define CHIARO_BLOCKER_GAP 1.6f
+#define CHIARO_BLOCKER_DEPTHS 96u /**< Directions in which a blocker knows walls: texels of a cube of 4 x 4 x 6. */
 typedef struct ChiaroWorldBlocker {
     float center[3];
     float radius; /**< Of a plate: of a disc of its area. */
@@ -350,6 +354,9 @@ typedef struct ChiaroWorldBlocker {
     float key[3];         /**< The brightest spot of the static scene that its cube sees: a ball about this place, */
     float key_radius; /**< of this radius, */
     float key_intensity[3]; /**< which sends this alike all round, W/sr. 0: there is none. */
+    float middle[3];      /**< Of its cube, from which static surfaces lie so far away: */
+    float range;          /**< m; 0: there are none; */
+    uint8_t depths[CHIARO_BLOCKER_DEPTHS]; /**< the mean over a texel, in 255ths of the range, which is the most. */
     uint32_t object;      /**< Its number. */
     uint32_t cube;        /**< Slot of the cube that sees what is behind it; CHIARO_NONE: that shows no light yet. */
 } ChiaroWorldBlocker;
@@ -410,6 +417,7 @@ typedef struct ChiaroBlockedFar {
     float open, bounce[3]; /**< Of the far shares. */
     float shine[4]; /**< Radiance of the plain balls about, times their forms, and the sum of these forms. */
     float hidden[4]; /**< What near objects hide: three floats, W/m^2, and the share of the irradiance that is added. */
+    float seen;      /**< By what share near objects count. */
 } ChiaroBlockedFar;
 
 /** The first half of chiaro_world_blocked(), by vertex. @param far receives it.

@@ -76,7 +76,8 @@ static bool make_shine(ChiaroWorld *world, Shine *shine)
     shine->texels = chiaro_world_alloc(world, texels, 4 * sizeof(float));
     shine->axes = chiaro_world_alloc(world, 2 * (size_t)world->desc.element_capacity, 18 * sizeof(float));
     shine->keys = chiaro_world_alloc(world, world->desc.cube_capacity, sizeof *shine->keys);
-    return shine->texels && shine->axes && shine->keys;
+    shine->walls = chiaro_world_alloc(world, world->desc.cube_capacity, sizeof *shine->walls);
+    return shine->texels && shine->axes && shine->keys && shine->walls;
 }
 
 static bool make_cells(ChiaroWorld *world, CellGrid *grid)
@@ -177,7 +178,7 @@ void chiaro_world_destroy(ChiaroWorld *world)
                    world->slot_painted, world->element_taken, world->encoded, world->scales,
                    world->radiosity, world->neighbour_memory, world->neighbour_objects, world->kernel_memory,
                    world->last.texels, world->last.axes, world->last.keys, world->next.texels,
-                   world->next.axes, world->next.keys,
+                   world->next.axes, world->next.keys, world->last.walls, world->next.walls,
                    world->roots, world->parent, world->stack, world->tiles, world->tile_leaf, world->boxes,
                    world->rays, world->canvases, world->asked, world->light.lights,
                    world->light.total, world->light.ambient, world->coming.lights, world->coming.total,
@@ -320,6 +321,7 @@ static void darken(ChiaroWorld *world, const Body *body)
     for (uint32_t k = 0; k < 2; k++) {
         memset(both[k]->texels + body->first_slot * cube, 0, body->object.part_count * cube * sizeof(float));
         memset(both[k]->keys + body->first_slot, 0, body->object.part_count * sizeof *both[k]->keys);
+        memset(both[k]->walls + body->first_slot, 0, body->object.part_count * sizeof *both[k]->walls);
         memset(both[k]->axes + 36 * (size_t)body->first_element, 0, 18 * nodes * sizeof(float));
     }
     for (uint32_t p = 0; p < body->object.part_count; p++)

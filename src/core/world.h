@@ -37,10 +37,19 @@ typedef struct KeyLight {
     float radius;
 } KeyLight;
 
+enum { WORLD_DEPTH_EDGE = 4 }; /* of cubes of CHIARO_BLOCKER_DEPTHS texels */
+
+/* How far static surfaces are from the middle of a cube. */
+typedef struct WallDepths {
+    float range; /* m; 0: there are none */
+    uint8_t depths[CHIARO_BLOCKER_DEPTHS];
+} WallDepths;
+
 /* What of an object exists twice: as the round reads it, and as the round writes it. */
 typedef struct Shine {
     float *texels; /* [slot][texel][4]: irradiance / pi */
     KeyLight *keys; /* [slot]: the brightest that its cube sees */
+    WallDepths *walls; /* [slot]: how far its cube sees */
     float *axes;   /* [node][18] of all objects: what each node gives off (chiaro_primitives_sum) */
 } Shine;
 
@@ -278,6 +287,9 @@ KeyLight chiaro_key_find(const KeyRay *rays, uint32_t count, Vec3 center);
 Vec3 chiaro_key_hidden(const ChiaroWorldBlocker *blocker, Vec3 normal, Vec3 way, float form);
 /* What the key light makes of the radiance, times pi, that is had back from the blocker's cube. */
 Vec3 chiaro_key_seen(const ChiaroWorldBlocker *blocker, Vec3 way);
+
+/* By what share a blocker counts at a place: walls may stand between them. Twin of chiaro_blocker_seen in glsl/chiaro.glsl. */
+float chiaro_blocker_seen(const ChiaroWorldBlocker *blocker, const float point[3]);
 
 /* --- world_blockers.c --- */
 void chiaro_blockers_choose(const ChiaroObject *object, BlockerPieces *pieces);

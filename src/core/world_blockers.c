@@ -225,9 +225,11 @@ static Vec3 cube_mean(const ChiaroWorld *world, const float *texels)
 }
 
 /* The cube of the nearest part, if it shows any light. */
-static void ask_nearest(const Pose *pose, const Body *body, const Vec3 *means, const KeyLight *keys,
+static void ask_nearest(const Pose *pose, const Body *body, const Vec3 *means, const Shine *shine,
                         ChiaroWorldBlocker *blocker)
 {
+    const KeyLight *keys = shine->keys + body->first_slot;
+    const WallDepths *walls = shine->walls + body->first_slot;
     uint32_t nearest = 0;
     float least = INFINITY;
     for (uint32_t p = 0; p < body->object.part_count; p++) {
@@ -241,6 +243,9 @@ static void ask_nearest(const Pose *pose, const Body *body, const Vec3 *means, c
     vec3_store(blocker->key, keys[nearest].place);
     vec3_store(blocker->key_intensity, keys[nearest].intensity);
     blocker->key_radius = keys[nearest].radius;
+    vec3_store(blocker->middle, pose_point(pose, vec3_load(body->object.parts[nearest].center)));
+    blocker->range = walls[nearest].range;
+    memcpy(blocker->depths, walls[nearest].depths, sizeof blocker->depths);
 }
 
 uint32_t chiaro_blockers_make(const ChiaroWorld *world, uint32_t id, const Pose *pose, const Shine *shine,
@@ -269,7 +274,7 @@ uint32_t chiaro_blockers_make(const ChiaroWorld *world, uint32_t id, const Pose 
     for (uint32_t d = 0; d < count; d++) {
         blockers[d] = drafts[d].plate ? finish_plate(pose, &drafts[d], id)
                                       : make_ball(pose, body, drafts[d].node, axes + 18 * (size_t)drafts[d].node, id);
-        ask_nearest(pose, body, means, shine->keys + body->first_slot, &blockers[d]);
+        ask_nearest(pose, body, means, shine, &blockers[d]);
     }
     return count;
 }

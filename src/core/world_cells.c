@@ -420,10 +420,11 @@ static Lanes window_lanes(Lanes square, float reach)
     return lanes_max(lanes_of(0), lanes_of(1) - ratio * ratio);
 }
 
-/* What comes from behind blockers, as their cubes see it: summed over forms, those of blockers with cubes, and of all. */
+/* What comes from behind blockers, as their cubes see it: summed over forms, those of blockers with cubes, and of all; and of
+ * all, were there no walls. */
 typedef struct Behind {
     Vec3 light;
-    float known, forms;
+    float known, forms, bare;
 } Behind;
 
 /* Where a sum over a cell is taken, and whether of the far shares or of the near ones. */
@@ -432,6 +433,7 @@ typedef struct Receiver {
     const BlockerGrid *grid;
     const float *point, *normal;
     bool far;
+    float seen; /* the share by which near ones count */
 } Receiver;
 
 /* Irradiance / pi of a cube. The round asks cubes of the round before; the host, those that it was given. */
@@ -502,7 +504,7 @@ static float sum_balls(const Receiver *at, const uint32_t *entries, uint32_t cou
             all = window_lanes(square, CHIARO_BLOCKER_REACH);
         if (!lanes_any(all > lanes_of(0)))
             continue;
-        Lanes form = lanes_ball_forms(square, height), share = (far ? all - near : near) * form;
+        Lanes form = lanes_ball_forms(square, height), share = (far ? all - near : at->seen * near) * form;
         for (uint32_t lane = 0; lane < valid; lane++) {
             Vec3 radiance = mean;
             if (!(all[lane] > 0))
@@ -510,6 +512,9 @@ static float sum_balls(const Receiver *at, const uint32_t *entries, uint32_t cou
             if (far) {
                 const ChiaroWorldBlocker *ball = &grid->blockers[entries[k + lane]];
                 Vec3 there = vec3(way[0][lane], way[1][lane], way[2][lane]);
+                float seen = chiaro_blocker_seen(ball, point);
+                behind->bare += all[lane] * form[lane];
+                all[lane] *= seen, share[lane] *= seen;
                 radiance = blocker_shine(ball, vec3_scale(there, -1));
                 vec3_store(shine, vec3_mad(vec3_load(shine), radiance, all[lane] * form[lane]));
                 shine[3] += all[lane] * form[lane];
@@ -536,9 +541,12 @@ static float sum_pieces(const Receiver *at, const uint32_t *entries, uint32_t co
         if (!(all > 0))
             continue;
         float form = blocker_form(blocker, at->point, at->normal);
-        if (at->far)
-            add_behind(at, blocker, vec3_scale(way, -1), all, form, behind);
-        form *= at->far ? all - share : share;
+        float seen = at->far ? chiaro_blocker_seen(blocker, at->point) : at->seen;
+        if (at->far) {
+            behind->bare += all * form;
+            add_behind(at, blocker, vec3_scale(way, -1), seen * all, form, behind);
+        }
+        form *= seen * (at->far ? all - share : share);
         if (blocker->object != last) {
             open *= take_object(sum, own, emitted, bounce);
             sum = 0, own = emitted = none, last = blocker->object;
@@ -569,7 +577,7 @@ static float more_of(float open) { return (1 - open) * (2 - open); }
 static void blocked_far(const ChiaroWorld *world, const BlockerGrid *grid, const float point[3], const float normal[3],
                         ChiaroBlockedFar *far)
 {
-    const Receiver at = {world, grid, point, normal, true};
+    const Receiver at = {world, grid, point, normal, true, 1};
     Vec3 bounce;
     Behind behind;
     *far = (ChiaroBlockedFar){0};
@@ -580,12 +588,13 @@ static void blocked_far(const ChiaroWorld *world, const BlockerGrid *grid, const
     vec3_store(far->bounce, vec3_mad(bounce, beyond, -more));
     vec3_store(far->hidden, vec3_mad(bounce, beyond, open));
     far->hidden[3] = open * (1 - known);
+    far->seen = behind.bare > 0 ? behind.forms / behind.bare : 1;
 }
 
 static float blocked_near(const ChiaroWorld *world, const BlockerGrid *grid, const float point[3],
                           const float normal[3], const ChiaroBlockedFar *far, Vec3 *bounce)
 {
-    const Receiver at = {world, grid, point, normal, false};
+    const Receiver at = {world, grid, point, normal, false, far->seen};
     ChiaroBlockedFar blocked = *far;
     Behind behind;
     float open = sum_cell(&at, blocked.shine, bounce, &behind), more = open * more_of(open), kept = open + more;

@@ -42,6 +42,10 @@ static const float LEAST_WEIGHT = 0.01f;
 /* Things less visible are left out of the near sum. */
 static const float LEAST_VISIBLE = 0.01f;
 
+/* Walls are told to be no further than this many radii: blockers reach half of it. */
+static const float DEPTH_RANGE = 16;
+_Static_assert(6 * WORLD_DEPTH_EDGE * WORLD_DEPTH_EDGE == CHIARO_BLOCKER_DEPTHS, "texels of a cube");
+
 enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS };
 
 /* A cube is painted in steps, so that a frame can stop between any two of them: its neighbours; blocks of rays; sky and
@@ -61,6 +65,7 @@ typedef struct Canvas {
     float before_near[CHIARO_CUBE_MAX_TEXELS], before_far[CHIARO_CUBE_MAX_TEXELS]; /* of it, in front of neighbours */
     float near_share[CHIARO_CUBE_MAX_TEXELS];     /* of it, near */
     float radiance[4 * CHIARO_CUBE_MAX_TEXELS];
+    float depth[CHIARO_BLOCKER_DEPTHS], depth_angle[CHIARO_BLOCKER_DEPTHS]; /* of walls: sums over rays */
     KeyRay key_rays[WORLD_MAX_RAYS];
     uint32_t key_count;
     Near near_things;
@@ -375,6 +380,23 @@ static void take_ray(Canvas *canvas, const StaticRay *ray, const StaticHit *hit,
     }
 }
 
+static void add_depth(Canvas *canvas, const StaticRay *ray, const StaticHit *hit)
+{
+    uint32_t t = chiaro_cube_texel(ray->direction, WORLD_DEPTH_EDGE);
+    float most = DEPTH_RANGE * canvas->radius;
+    canvas->depth[t] += ray->angle * (hit->tile == CHIARO_NONE ? most : chiaro_min(hit->distance, most));
+    canvas->depth_angle[t] += ray->angle;
+}
+
+static void store_depths(const Canvas *canvas, WallDepths *walls)
+{
+    walls->range = canvas->world->tile_count ? DEPTH_RANGE * canvas->radius : 0;
+    for (uint32_t t = 0; t < CHIARO_BLOCKER_DEPTHS && walls->range > 0; t++) {
+        float mean = canvas->depth_angle[t] > 0 ? canvas->depth[t] / canvas->depth_angle[t] : walls->range;
+        walls->depths[t] = (uint8_t)(255 * chiaro_clamp(mean / walls->range, 0, 1) + 0.5f);
+    }
+}
+
 static void paint_blocks(Canvas *canvas, uint32_t first)
 {
     const ChiaroWorld *world = canvas->world;
@@ -385,6 +407,7 @@ static void paint_blocks(Canvas *canvas, uint32_t first)
         Piece pieces[WORLD_BLOCK] = {{.area = 0}};
         chiaro_static_trace(world, canvas->center, canvas->radius, r, hits);
         for (uint32_t k = 0; k < WORLD_BLOCK; k++) {
+            add_depth(canvas, &world->rays[r + k], &hits[k]);
             if (hits[k].tile != CHIARO_NONE)
                 take_ray(canvas, &world->rays[r + k], &hits[k], span, &pieces[k]);
         }
@@ -616,6 +639,8 @@ static void begin(Canvas *canvas, uint32_t id)
     canvas->near_things.plate_count = canvas->near_things.ball_count = 0;
     canvas->any_near = canvas->any_far = false;
     canvas->key_count = 0;
+    memset(canvas->depth, 0, sizeof canvas->depth);
+    memset(canvas->depth_angle, 0, sizeof canvas->depth_angle);
     paint_neighbours(canvas, id);
 }
 
@@ -739,9 +764,11 @@ static void paint_steps(ChiaroWorld *world, Canvas *canvas, uint32_t id, uint32_
         canvas->center = pose_point(&body->pose, vec3_load(from->center));
         canvas->radius = from->radius * body->pose.scale;
         paint_step(canvas, id, step % a_part, texels);
-        if ((step + 1) % a_part == 0)
+        if ((step + 1) % a_part == 0) {
             world->next.keys[body->first_slot + part] =
                 chiaro_key_find(canvas->key_rays, canvas->key_count, canvas->center);
+            store_depths(canvas, &world->next.walls[body->first_slot + part]);
+        }
         for (uint32_t t = 0; (step + 1) % a_part == 0 && t < world->texel_count; t++)
             texels[4 * t + 3] = 1;
     }

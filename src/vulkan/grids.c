@@ -21,6 +21,9 @@ _Static_assert(sizeof(ChiaroWorldBlocker) == 4 * CHIARO_BLOCKER_WORDS &&
                    offsetof(ChiaroWorldBlocker, key) == 4 * CHIARO_BLOCKER_KEY &&
                    offsetof(ChiaroWorldBlocker, key_radius) == 4 * CHIARO_BLOCKER_KEY_RADIUS &&
                    offsetof(ChiaroWorldBlocker, key_intensity) == 4 * CHIARO_BLOCKER_KEY_INTENSITY &&
+                   offsetof(ChiaroWorldBlocker, middle) == 4 * CHIARO_BLOCKER_MIDDLE &&
+                   offsetof(ChiaroWorldBlocker, range) == 4 * CHIARO_BLOCKER_RANGE &&
+                   offsetof(ChiaroWorldBlocker, depths) == 4 * CHIARO_BLOCKER_DEPTH_WORDS &&
                    offsetof(ChiaroWorldBlocker, object) == 4 * CHIARO_BLOCKER_OBJECT &&
                    offsetof(ChiaroWorldBlocker, cube) == 4 * CHIARO_BLOCKER_CUBE,
                "words of a blocker");
