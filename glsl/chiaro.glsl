@@ -610,16 +610,14 @@ float chiaro_blocker_seen(uint first, vec3 point)
 #ifdef CHIARO_NEAR_ONLY
     return 1;
 #else
-    float range = uintBitsToFloat(chiaro_blocker_word(first + CHIARO_BLOCKER_RANGE)), sum = 0;
+    float range = uintBitsToFloat(chiaro_blocker_word(first + CHIARO_BLOCKER_RANGE));
     if (!(range > 0))
         return 1;
     vec3 way = point - chiaro_blocker_vector(first + CHIARO_BLOCKER_MIDDLE);
-    ChiaroCubeTaps taps = chiaro_cube_taps(way, 4);
-    for (uint k = 0; k < 4; k++) {
-        uint word = chiaro_blocker_word(first + CHIARO_BLOCKER_DEPTH_WORDS + taps.texel[k] / 4);
-        sum += taps.weight[k] * float(word >> 8 * (taps.texel[k] % 4) & 255u);
-    }
-    float depth = max(sum * range / 255, 1e-6 * range);
+    vec3 size = abs(way);
+    uint texel = chiaro_cube_texel(way / max(max(size.x, size.y), max(size.z, 1e-20)), 4);
+    uint word = chiaro_blocker_word(first + CHIARO_BLOCKER_DEPTH_WORDS + texel / 4);
+    float depth = max(float(word >> 8 * (texel % 4) & 255u) * range / 255, 1e-6 * range);
     return clamp((CHIARO_DEPTH_END - length(way) / depth) / (CHIARO_DEPTH_END - CHIARO_DEPTH_BEGIN), 0, 1);
 #endif
 }
@@ -764,7 +762,9 @@ vec3 chiaro_blocked_far(bool pieces, vec3 point, vec3 normal, vec3 irradiance, o
         vec3 way = chiaro_blocker_vector(first) - point, radiance = chiaro_ball_shine(first, way);
         vec3 in_radii = chiaro_in_radii(uintBitsToFloat(chiaro_blocker_word(first + CHIARO_BLOCKER_RADIUS))) * way;
         float square = dot(in_radii, in_radii), all = chiaro_blocker_window(square, CHIARO_REACH);
-        float form = chiaro_ball_form(square, dot(normal, in_radii)), seen = chiaro_blocker_seen(first, point);
+        float form = chiaro_ball_form(square, dot(normal, in_radii)), seen = 0;
+        if (all * form > 0)
+            seen = chiaro_blocker_seen(first, point);
         float share = seen * (all - chiaro_blocker_window(square, CHIARO_NEAR));
         behind.bare += all * form;
         all *= seen;

@@ -103,40 +103,12 @@ Vec3 chiaro_key_seen(const ChiaroWorldBlocker *blocker, Vec3 way)
     return vec3_scale(vec3_load(blocker->key_intensity), share / square);
 }
 
-/* Mean depth in a direction, in 255ths of the range: bilinear, as in the shader, which looks the same cube up. */
-static float depth_toward(const ChiaroWorldBlocker *blocker, Vec3 way)
-{
-    const float edge = WORLD_DEPTH_EDGE;
-    float ax = fabsf(way.x), ay = fabsf(way.y), az = fabsf(way.z), weights[4], depths[4], sum = 0;
-    uint32_t axis = ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2, corner = 4;
-    /* The axis of the face comes first. */
-    Vec3 d = axis == 0 ? way : axis == 1 ? vec3(way.y, way.z, way.x) : vec3(way.z, way.x, way.y);
-    float major = chiaro_max(fabsf(d.x), 1e-30f), side = d.x > 0 ? 1 : -1;
-    float u = (chiaro_clamp(d.y / major, -1, 1) + 1) / 2 * edge - 0.5f;
-    float v = (chiaro_clamp(d.z / major, -1, 1) + 1) / 2 * edge - 0.5f, i = floorf(u), j = floorf(v);
-    for (uint32_t k = 0; k < 4; k++) {
-        float y = (i + (float)(k & 1) + 0.5f) * 2 / edge - 1, z = (j + (float)(k >> 1) + 0.5f) * 2 / edge - 1;
-        float over_y = chiaro_max(fabsf(y) - 1, 0), over_z = chiaro_max(fabsf(z) - 1, 0);
-        /* What lies over an edge is folded down onto the next face. */
-        float x = side * (1 - over_y - over_z);
-        y = chiaro_clamp(y, -1, 1), z = chiaro_clamp(z, -1, 1);
-        Vec3 place = axis == 0 ? vec3(x, y, z) : axis == 1 ? vec3(z, x, y) : vec3(y, z, x);
-        depths[k] = (float)blocker->depths[chiaro_cube_texel(place, WORLD_DEPTH_EDGE)];
-        weights[k] = (k & 1 ? u - i : 1 - u + i) * (k >> 1 ? v - j : 1 - v + j);
-        corner = over_y > 0 && over_z > 0 ? k : corner;
-    }
-    for (uint32_t k = 0; k < 4; k++) { /* at a corner of the cube, three texels' mean stands for the fourth */
-        float share = corner < 4 ? weights[corner] / 3 : 0;
-        sum += k == corner ? 0 : (weights[k] + share) * depths[k];
-    }
-    return sum;
-}
-
 float chiaro_blocker_seen(const ChiaroWorldBlocker *blocker, const float point[3])
 {
     Vec3 way = vec3_sub(vec3_load(point), vec3_load(blocker->middle));
     if (!(blocker->range > 0))
         return 1;
-    float depth = chiaro_max(depth_toward(blocker, way) * blocker->range / 255, 1e-6f * blocker->range);
+    uint32_t texel = chiaro_cube_texel(way, WORLD_DEPTH_EDGE);
+    float depth = chiaro_max((float)blocker->depths[texel] * blocker->range / 255, 1e-6f * blocker->range);
     return chiaro_clamp((CHIARO_DEPTH_END - vec3_length(way) / depth) / (CHIARO_DEPTH_END - CHIARO_DEPTH_BEGIN), 0, 1);
 }
