@@ -615,7 +615,7 @@ float chiaro_blocker_seen(uint first, vec3 point)
         return 1;
     vec3 way = point - chiaro_blocker_vector(first + CHIARO_BLOCKER_MIDDLE);
     vec3 size = abs(way);
-    uint texel = chiaro_cube_texel(way / max(max(size.x, size.y), max(size.z, 1e-20)), 4);
+    uint texel = chiaro_cube_texel(way / max(max(size.x, size.y), max(size.z, 1e-20)), CHIARO_DEPTH_EDGE);
     uint word = chiaro_blocker_word(first + CHIARO_BLOCKER_DEPTH_WORDS + texel / 4);
     float depth = max(float(word >> 8 * (texel % 4) & 255u) * range / 255, 1e-6 * range);
     return clamp((CHIARO_DEPTH_END - length(way) / depth) / (CHIARO_DEPTH_END - CHIARO_DEPTH_BEGIN), 0, 1);
@@ -814,8 +814,7 @@ vec3 chiaro_blocked_near(bool pieces, vec3 point, vec3 normal, vec3 irradiance, 
  * pixel, and add to it. */
 vec3 chiaro_indirect(vec3 irradiance, vec3 point, vec3 normal)
 {
-    vec4 shine;
-    vec4 hidden;
+    vec4 shine, hidden;
     vec3 left = chiaro_blocked_far(true, point, normal, irradiance, shine, hidden);
     return chiaro_blocked_near(true, point, normal, left, shine, hidden);
 }

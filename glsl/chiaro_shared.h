@@ -82,10 +82,13 @@ CHIARO_STRUCT(ChiaroGpuLight)
 /* CHIARO_BLOCKER_GAP, _NEAR and _REACH of chiaro_world.h. */
 #define CHIARO_GAP 1.6
 #define CHIARO_NEAR 3.0
-/* In depths of walls: from here on a blocker counts less, and nothing from there on. */
+#define CHIARO_REACH 8.0
+
+/* Blockers know depths of walls by texels of a cube of this edge. In depths: where a blocker begins to count less, and where
+ * it counts for nothing. */
+#define CHIARO_DEPTH_EDGE 4u
 #define CHIARO_DEPTH_BEGIN 1.15f
 #define CHIARO_DEPTH_END 1.45f
-#define CHIARO_REACH 8.0
 
 /* Irradiance / pi is radiance with its odd part at two thirds and its second order at a quarter: so much of what is ahead, of
  * what is opposite and of the mean restores both. */

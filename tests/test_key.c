@@ -8,6 +8,7 @@
 
 #include "../src/core/random.h"
 #include "../src/core/world.h"
+#include "chiaro_shared.h"
 #include "common/check.h"
 
 enum { RAYS = 1536 };
@@ -133,7 +134,7 @@ static void walls_end_what_blockers_do(void **state)
         for (int c = 0; c < 3; c++)
             d[c] = 2 * chiaro_random_float(&random) - 1;
         vec3_store(d, vec3_normalize(vec3_load(d)));
-        float depth = 2 * (float)blocker.depths[chiaro_cube_texel(vec3_load(d), WORLD_DEPTH_EDGE)] / 255;
+        float depth = 2 * (float)blocker.depths[chiaro_cube_texel(vec3_load(d), CHIARO_DEPTH_EDGE)] / 255;
         for (uint32_t step = 0; step < 3; step++) {
             static const float parts[] = {1.1f, 1.3f, 1.5f};
             vec3_store(point, vec3_mad(vec3_load(blocker.middle), vec3_load(d), parts[step] * depth));

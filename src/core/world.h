@@ -7,7 +7,7 @@
  *   world_rays.c      what a cube's centre sees of them
  *   world_paint.c     a cube, painted: static surfaces, neighbours, sky, smoothing, what is near seen from the skin
  *   world_near.c      what is near a hull, summed for one normal
- *   world_key.c       the brightest spot that a cube sees, and the shadow of an object in its light
+ *   world_key.c       the brightest spot that a cube sees and the shadow of an object in its light; how far it sees
  *   world_blockers.c  what stands for an object where it acts on static surfaces
  *   world_cells.c     which of them matter where, and what they do there
  */
@@ -36,8 +36,6 @@ typedef struct KeyLight {
     Vec3 place, intensity; /* W/sr; none: there is no such spot */
     float radius;
 } KeyLight;
-
-enum { WORLD_DEPTH_EDGE = 4 }; /* of cubes of CHIARO_BLOCKER_DEPTHS texels */
 
 /* How far static surfaces are from the middle of a cube. */
 typedef struct WallDepths {
@@ -132,7 +130,8 @@ typedef struct KeyRay {
     float angle, distance;
 } KeyRay;
 
-enum { WORLD_MAX_RAYS = 1536, WORLD_MAX_NEAR = 1024, WORLD_MAX_BALLS = 64, WORLD_TICKS_A_ROUND = 4, WORLD_BLOCK = 16, WORLD_BATCH = 8 };
+enum { WORLD_MAX_RAYS = 1536, WORLD_MAX_NEAR = 1024, WORLD_MAX_BALLS = 64, WORLD_TICKS_A_ROUND = 4, WORLD_BLOCK = 16,
+       WORLD_BATCH = 8 };
 
 /* Something near a hull: a plate, or a ball of which so much area is seen. */
 typedef struct NearThing {

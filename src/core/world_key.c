@@ -108,7 +108,7 @@ float chiaro_blocker_seen(const ChiaroWorldBlocker *blocker, const float point[3
     Vec3 way = vec3_sub(vec3_load(point), vec3_load(blocker->middle));
     if (!(blocker->range > 0))
         return 1;
-    uint32_t texel = chiaro_cube_texel(way, WORLD_DEPTH_EDGE);
+    uint32_t texel = chiaro_cube_texel(way, CHIARO_DEPTH_EDGE);
     float depth = chiaro_max((float)blocker->depths[texel] * blocker->range / 255, 1e-6f * blocker->range);
     return chiaro_clamp((CHIARO_DEPTH_END - vec3_length(way) / depth) / (CHIARO_DEPTH_END - CHIARO_DEPTH_BEGIN), 0, 1);
 }

@@ -8,6 +8,7 @@
  * form factor from the object's hull instead, and each row is normalised, so that even surroundings stay even. What the
  * smoothing carries is told by its fourth lane: how much of what a normal sees is far.
  */
+#include "chiaro_shared.h"
 #include "lanes.h"
 #include "object.h"
 #include "primitives.h"
@@ -44,7 +45,7 @@ static const float LEAST_VISIBLE = 0.01f;
 
 /* Walls are told to be no further than this many radii: blockers reach half of it. */
 static const float DEPTH_RANGE = 16;
-_Static_assert(6 * WORLD_DEPTH_EDGE * WORLD_DEPTH_EDGE == CHIARO_BLOCKER_DEPTHS, "texels of a cube");
+_Static_assert(6 * CHIARO_DEPTH_EDGE * CHIARO_DEPTH_EDGE == CHIARO_BLOCKER_DEPTHS, "texels of a cube");
 
 enum { MAX_LISTED = 2 * CHIARO_MAX_NEIGHBOURS };
 
@@ -382,7 +383,7 @@ static void take_ray(Canvas *canvas, const StaticRay *ray, const StaticHit *hit,
 
 static void add_depth(Canvas *canvas, const StaticRay *ray, const StaticHit *hit)
 {
-    uint32_t t = chiaro_cube_texel(ray->direction, WORLD_DEPTH_EDGE);
+    uint32_t t = chiaro_cube_texel(ray->direction, CHIARO_DEPTH_EDGE);
     float most = DEPTH_RANGE * canvas->radius;
     canvas->depth[t] += ray->angle * (hit->tile == CHIARO_NONE ? most : chiaro_min(hit->distance, most));
     canvas->depth_angle[t] += ray->angle;
